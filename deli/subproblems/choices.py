@@ -1,0 +1,97 @@
+"""Which backend solves which subproblem."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import solvers
+from deli.errors import InputError
+
+SUBPROBLEMS = ("reflection", "position", "projection")
+
+
+@dataclass(frozen=True)
+class SolverChoice:
+    """A backend and how hard it is asked to try.
+
+    Parameters
+    ----------
+    backend : str
+        A name from `solvers.available()`, or ``"auto"``: the explicit chain daqp, piqp, error.
+    tolerance : float
+        Scaled KKT residual that counts as solved; it means the same for every backend.
+    polish : bool
+        Solve the active set that the answer points at once more, exactly, and keep that if its residual is smaller.
+    options : mapping
+        Settings in the backend's own words.
+    """
+
+    backend: str = "auto"
+    tolerance: float = 1e-9
+    polish: bool = True
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.backend, str):
+            raise InputError(f"solvers: a backend is named by a string, found {self.backend!r}.")
+        tolerance = self.tolerance
+        if isinstance(tolerance, bool) or not isinstance(tolerance, (int, float)) or not 0 < tolerance < 1:
+            raise InputError(f"solvers: tolerance of {self.backend!r} is {tolerance!r}; allowed: 0 < tolerance < 1.")
+        if not isinstance(self.polish, bool):
+            raise InputError(f"solvers: polish of {self.backend!r} is {self.polish!r}; allowed: true or false.")
+        if not isinstance(self.options, Mapping):
+            raise InputError(f"solvers: options of {self.backend!r} are {self.options!r}; allowed: a table.")
+
+
+def parse_choices(choice: object) -> dict[str, SolverChoice]:
+    """Turn what a user writes for `solvers` into one choice a subproblem.
+
+    Parameters
+    ----------
+    choice : str, SolverChoice or mapping
+        A name; a table ``{backend, tolerance, polish, options}``; or a table of these by subproblem
+        (``reflection``, ``position``, ``projection``) with ``default`` for the ones left out.
+
+    Raises
+    ------
+    InputError
+        For unknown keys, a value out of range, or a backend that is unknown or not installed.
+    """
+    by_subproblem = isinstance(choice, Mapping) and not _FIELDS.intersection(choice)
+    table = dict(choice) if by_subproblem and isinstance(choice, Mapping) else {"default": choice}
+    unknown = sorted(set(table) - {*SUBPROBLEMS, "default"})
+    if unknown:
+        raise InputError(
+            f"solvers: unknown key {unknown[0]!r}; allowed: default, {', '.join(SUBPROBLEMS)}, "
+            f"or a single table with {', '.join(sorted(_FIELDS))}."
+        )
+    default = table.get("default", "auto")
+    choices = {name: _parse_one(table.get(name, default)) for name in SUBPROBLEMS}
+    for backend in {choice.backend for choice in choices.values()}:
+        _require(backend)
+    return choices
+
+
+_FIELDS = {"backend", "tolerance", "polish", "options"}
+
+
+def _parse_one(choice: object) -> SolverChoice:
+    if isinstance(choice, SolverChoice):
+        return choice
+    if isinstance(choice, str):
+        return SolverChoice(backend=choice)
+    if isinstance(choice, Mapping):
+        unknown = sorted(set(choice) - _FIELDS)
+        if unknown:
+            raise InputError(f"solvers: unknown key {unknown[0]!r}; allowed: {', '.join(sorted(_FIELDS))}.")
+        return SolverChoice(**choice)
+    raise InputError(
+        f"solvers: found {choice!r}; allowed: a backend's name or a table with {', '.join(sorted(_FIELDS))}."
+    )
+
+
+def _require(backend: str) -> None:
+    try:
+        solvers.members(backend)
+    except solvers.SolverError as error:
+        raise InputError(f"solvers: {error}") from error

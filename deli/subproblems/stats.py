@@ -1,0 +1,81 @@
+"""What the subproblems of a step cost and how well they were solved."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from deli.subproblems.choices import SUBPROBLEMS
+
+if TYPE_CHECKING:
+    from solvers import Solution
+
+SKIPPED, SOLVED, INACCURATE, FAILED, UNUSED = 0, 1, 2, 3, 4
+STATUS_MEANINGS = ("skipped", "solved", "inaccurate", "failed", "not_used")
+_SEVERITY = (1, 2, 3, 4, 0)  # of each status above: what a step reports is the worst it met
+
+COUNTS = ("solves", "skipped", "iterations", "rows", "fallbacks")
+TIMES = ("solve_time", "overhead_time")
+RESIDUALS = ("primal_residual", "dual_residual", "complementarity")
+
+
+class StepStats:
+    """Statistics by subproblem (reflection, position, projection) since the last `reset`.
+
+    Attributes
+    ----------
+    solves, skipped, iterations, rows, fallbacks : (3,) int64 arrays
+        Solver calls, subproblems answered without one, the solver's iterations, constraint rows handed to it, and
+        members of a chain that failed before one succeeded.
+    solve_time, overhead_time : (3,) float64 arrays
+        Seconds inside the solver, and in writing its data, reading its answer and checking it.
+    primal_residual, dual_residual, complementarity : (3,) float64 arrays
+        Largest scaled residuals, nan where none was measured. For the position update they are those of the
+        nonlinear system (7.3, 7.4, 7.8) and not of the last convex program on the way to it.
+    status : (3,) int8 array
+        The worst that happened: an index into `STATUS_MEANINGS`.
+    smooth_contacts, reflected_contacts : int
+        Size of the smooth set of the last step; contacts that took part in a reflection, summed over steps.
+    """
+
+    def __init__(self) -> None:
+        count = len(SUBPROBLEMS)
+        self.solves, self.skipped, self.iterations, self.rows, self.fallbacks = np.zeros((5, count), dtype=np.int64)
+        self.solve_time, self.overhead_time = np.zeros((2, count))
+        self.primal_residual, self.dual_residual, self.complementarity = np.full((3, count), np.nan)
+        self.status = np.full(count, UNUSED, dtype=np.int8)
+        self.smooth_contacts = 0
+        self.reflected_contacts = 0
+
+    def reset(self) -> None:
+        """Forget everything but the size of the smooth set."""
+        for name in COUNTS + TIMES:
+            getattr(self, name)[:] = 0
+        for name in RESIDUALS:
+            getattr(self, name)[:] = np.nan
+        self.status[:] = UNUSED
+        self.reflected_contacts = 0
+
+    def skip(self, subproblem: int) -> None:
+        """Count a subproblem that needed no solver."""
+        self.skipped[subproblem] += 1
+        self._worsen(subproblem, SKIPPED)
+
+    def add(self, subproblem: int, solution: "Solution", rows: int) -> None:
+        """Count a call of a solver, whether it succeeded or not."""
+        self.solves[subproblem] += 1
+        self.iterations[subproblem] += solution.iterations
+        self.rows[subproblem] += rows
+        self.fallbacks[subproblem] += solution.fallbacks
+        self.solve_time[subproblem] += solution.setup_time + solution.solve_time
+        self.overhead_time[subproblem] += solution.overhead_time
+        self._worsen(subproblem, SOLVED if solution.ok else INACCURATE if solution.status == "inaccurate" else FAILED)
+
+    def measure(self, subproblem: int, primal: float, dual: float, complementarity: float) -> None:
+        """Record residuals of a subproblem; the largest since the last reset are kept."""
+        self.primal_residual[subproblem] = np.fmax(self.primal_residual[subproblem], primal)
+        self.dual_residual[subproblem] = np.fmax(self.dual_residual[subproblem], dual)
+        self.complementarity[subproblem] = np.fmax(self.complementarity[subproblem], complementarity)
+
+    def _worsen(self, subproblem: int, status: int) -> None:
+        if _SEVERITY[status] > _SEVERITY[self.status[subproblem]]:
+            self.status[subproblem] = status
