@@ -1,0 +1,1 @@
+"""Scenes, potentials, constraint families, discrete Lagrangians, energies and momenta."""

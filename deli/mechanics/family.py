@@ -1,0 +1,178 @@
+"""What potentials and constraint families have in common: they are bound to a scene's layout."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deli.mechanics.arrays import Array, Indices, check_range, frozen
+
+ROTATION_AXES = {1: 0, 2: 1, 3: 3}
+"""How many rotation axes a space of 1, 2 or 3 dimensions has."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Layout:
+    """What a family needs to know about the scene it acts in.
+
+    Parameters
+    ----------
+    dimension
+        Dimension of space: 1, 2 or 3.
+    mass
+        Mass of each degree of freedom, shape (dof,).
+    position
+        Initial configuration, shape (dof,).
+    """
+
+    dimension: int
+    mass: Array
+    position: Array
+
+    @property
+    def dof(self) -> int:
+        """Number of degrees of freedom."""
+        return self.mass.size
+
+    @property
+    def bodies(self) -> int:
+        """Number of bodies, dof / dimension."""
+        return self.mass.size // self.dimension
+
+
+@dataclasses.dataclass(frozen=True)
+class Invariance:
+    """Rigid motions of all bodies together that leave a family unchanged.
+
+    Parameters
+    ----------
+    translations
+        One entry for each axis of space.
+    rotations
+        Rotations about the origin: none in 1-D, one entry in 2-D, one for each axis in 3-D.
+    """
+
+    translations: tuple[bool, ...]
+    rotations: tuple[bool, ...]
+
+    @classmethod
+    def everything(cls, dimension: int) -> Invariance:
+        """Every translation and every rotation."""
+        return cls((True,) * dimension, (True,) * ROTATION_AXES[dimension])
+
+    @classmethod
+    def nothing(cls, dimension: int) -> Invariance:
+        """No translation and no rotation."""
+        return cls((False,) * dimension, (False,) * ROTATION_AXES[dimension])
+
+    @classmethod
+    def of_vectors(cls, vectors: Array, free: bool) -> Invariance:
+        """Invariances of a family built on fixed vectors (rows): directions if ``free``, else points.
+
+        A field of directions does not change along an axis to which all of them are perpendicular; a set of
+        points is tied to its place. Both turn into themselves about an axis that contains all of them.
+        """
+        zero = vectors == 0.0
+        dimension = vectors.shape[1]
+        translations = tuple(bool(free and zero[:, axis].all()) for axis in range(dimension))
+        if dimension < 3:
+            return cls(translations, (bool(zero.all()),) * ROTATION_AXES[dimension])
+        across = [[other for other in range(3) if other != axis] for axis in range(3)]
+        return cls(translations, tuple(bool(zero[:, others].all()) for others in across))
+
+    def __and__(self, other: Invariance) -> Invariance:
+        """Return what both leave unchanged."""
+        return Invariance(
+            tuple(a and b for a, b in zip(self.translations, other.translations, strict=True)),
+            tuple(a and b for a, b in zip(self.rotations, other.rotations, strict=True)),
+        )
+
+
+class Family:
+    """A potential or a set of constraints, usable once it is bound to a layout.
+
+    ``Scene`` binds what it is given; outside a scene, call ``bind`` with a ``Layout``.
+    """
+
+    layout: Layout | None
+
+    def bind(self, layout: Layout) -> Self:
+        """Return a copy made ready for ``layout``; a family already bound is bound anew."""
+        raise NotImplementedError
+
+    def invariance(self) -> Invariance:
+        """Return the rigid motions that leave this family unchanged."""
+        raise NotImplementedError
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ArrayFamily(Family):
+    """A family that is a dataclass of arrays; ``_prepare`` derives what its formulas need from the layout."""
+
+    layout: Layout | None = dataclasses.field(default=None, kw_only=True, repr=False)
+
+    def __post_init__(self) -> None:
+        self._read()
+        if self.layout is not None:
+            self._prepare(self.layout)
+
+    def _read(self) -> None:
+        """Check the fields that do not depend on the scene and turn them into read-only arrays."""
+        raise NotImplementedError
+
+    def _prepare(self, layout: Layout) -> None:
+        """Check the fields against the layout and precompute."""
+        raise NotImplementedError
+
+    def bind(self, layout: Layout) -> Self:
+        """Return a copy made ready for ``layout``; a family already bound is bound anew."""
+        return dataclasses.replace(self, layout=layout)
+
+    @property
+    def bound(self) -> Layout:
+        """The layout this family is bound to."""
+        if self.layout is None:
+            raise AttributeError(self._unbound())
+        return self.layout
+
+    def _unbound(self) -> str:
+        name = type(self).__name__
+        return f"{name} is not bound to a scene yet: pass it to deli.Scene(...), or call {name}.bind(layout)"
+
+    def __getattr__(self, name: str) -> Any:
+        # Reached only where ordinary lookup fails: a derived array of a family that no scene has bound.
+        if name in type(self).__annotations__ and self.__dict__.get("layout") is None:
+            raise AttributeError(self._unbound())
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    def _set(self, **values: Any) -> None:
+        for name, value in values.items():
+            object.__setattr__(self, name, frozen(value) if isinstance(value, np.ndarray) else value)
+
+
+def outer_blocks(vectors: Array) -> NDArray[np.float64]:
+    """Return the outer product of each row with itself, shape (rows, dimension, dimension)."""
+    return vectors[:, :, None] * vectors[:, None, :]
+
+
+def chosen_bodies(name: str, bodies: Any, layout: Layout) -> Indices:
+    """Return the chosen body numbers, all of the layout's if ``bodies`` is None."""
+    if bodies is None:
+        return np.arange(layout.bodies)
+    check_range(name, bodies, layout.bodies)
+    chosen: Indices = bodies
+    return chosen
+
+
+def common_invariance(families: Iterable[Family], layout: Layout | None) -> Invariance:
+    """Return the rigid motions that leave all families unchanged; of none, every one."""
+    if layout is None:
+        raise AttributeError("not bound to a scene yet: pass it to deli.Scene(...), or call .bind(layout)")
+    common = Invariance.everything(layout.dimension)
+    for family in families:
+        common = common & family.invariance()
+    return common

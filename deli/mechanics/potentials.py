@@ -1,0 +1,219 @@
+"""Potential families: data in, energy, gradient and exact hessian out, vectorized over bodies and pairs."""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deli.errors import InputError
+from deli.mechanics.arrays import Array, Indices, body_indices, broadcast, real_array
+from deli.mechanics.family import (
+    ArrayFamily,
+    Family,
+    Invariance,
+    Layout,
+    chosen_bodies,
+    common_invariance,
+    outer_blocks,
+)
+
+
+class PotentialFamily(Family, abc.ABC):
+    """A potential energy V(q) with its derivatives, q the flat configuration of length dof."""
+
+    constant_hessian: bool = False
+
+    @abc.abstractmethod
+    def energy(self, q: Array) -> Any:
+        """Return V, shape (...,), of configurations of shape (..., dof)."""
+
+    @abc.abstractmethod
+    def gradient(self, q: Array) -> Array:
+        """Return the gradient of V at one configuration, shape (dof,)."""
+
+    @abc.abstractmethod
+    def hessian(self, q: Array) -> Array | None:
+        """Return V'' at one configuration, shape (dof, dof), or None where it is not available."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gravity(ArrayFamily, PotentialFamily):
+    """Uniform gravity, V(q) = -sum_i m_i a . q_i, with the scene's masses.
+
+    Parameters
+    ----------
+    acceleration
+        Vector of length dimension, e.g. ``[0, -9.8]``; a number in one dimension.
+    """
+
+    acceleration: ArrayLike
+    _weight: Array = field(init=False, repr=False)
+    _zero: Array = field(init=False, repr=False)
+
+    constant_hessian = True
+
+    def _read(self) -> None:
+        self._set(acceleration=np.atleast_1d(real_array("acceleration of Gravity", self.acceleration)))
+
+    def _prepare(self, layout: Layout) -> None:
+        acceleration = np.asarray(self.acceleration)
+        if acceleration.shape != (layout.dimension,):
+            raise InputError(
+                f"acceleration of Gravity: found shape {acceleration.shape}; the scene has dimension "
+                f"{layout.dimension}: pass a vector of that length"
+            )
+        weight = -layout.mass * np.tile(acceleration, layout.bodies)
+        self._set(_weight=weight, _zero=np.zeros((layout.dof, layout.dof)))
+
+    def energy(self, q: Array) -> Any:
+        """Return V, shape (...,), of configurations of shape (..., dof)."""
+        return q @ self._weight
+
+    def gradient(self, q: Array) -> Array:
+        """Return the gradient of V at one configuration, shape (dof,)."""
+        return self._weight
+
+    def hessian(self, q: Array) -> Array:
+        """Return V'' at one configuration, shape (dof, dof)."""
+        return self._zero
+
+    def invariance(self) -> Invariance:
+        """Translations across the acceleration; rotations about an axis along it."""
+        return Invariance.of_vectors(np.asarray(self.acceleration)[None], free=True)
+
+
+@dataclass(frozen=True, eq=False)
+class RadialPowers(ArrayFamily, PotentialFamily):
+    """Powers of the distance to a centre, V(q) = sum_i sum_k c_k |q_i - centre_i|^e_k.
+
+    ``50/|q|^2`` (section 5.2) is ``coefficients=[50], exponents=[-2]`` and ``|q|^2 (|q|^2 - 1)^2`` (8.4) is
+    ``coefficients=[1, -2, 1], exponents=[6, 4, 2]``. Negative exponents are singular at the centre.
+
+    Parameters
+    ----------
+    coefficients, exponents
+        c_k and e_k, lists of one length.
+    bodies
+        Body numbers, counted from 0; all bodies if left out.
+    centre
+        One point of length dimension, or one for each body; the origin if left out.
+    """
+
+    coefficients: ArrayLike
+    exponents: ArrayLike
+    bodies: ArrayLike | None = None
+    centre: ArrayLike = 0.0
+    _index: Indices = field(init=False, repr=False)
+    _centre: Array = field(init=False, repr=False)
+    _first: Array = field(init=False, repr=False)
+    _second: Array = field(init=False, repr=False)
+
+    def _read(self) -> None:
+        c = np.atleast_1d(real_array("coefficients of RadialPowers", self.coefficients))
+        e = np.atleast_1d(real_array("exponents of RadialPowers", self.exponents))
+        if c.ndim != 1 or c.shape != e.shape:
+            raise InputError(
+                f"RadialPowers: found coefficients of shape {c.shape} and exponents of shape {e.shape}; "
+                "pass two lists of one length"
+            )
+        self._set(coefficients=c, exponents=e, centre=real_array("centre of RadialPowers", self.centre))
+        self._set(_first=c * e, _second=c * e * (e - 2.0))
+        if self.bodies is not None:
+            self._set(bodies=body_indices("bodies of RadialPowers", self.bodies, distinct=True))
+
+    def _prepare(self, layout: Layout) -> None:
+        index = chosen_bodies("bodies of RadialPowers", self.bodies, layout)
+        shape = (index.size, layout.dimension)
+        centre = broadcast("centre of RadialPowers", np.asarray(self.centre), shape, "for each body and axis")
+        self._set(_index=index, _centre=centre)
+
+    def _offsets(self, q: Array) -> tuple[Array, Array]:
+        layout = self.bound
+        x = q.reshape(*q.shape[:-1], layout.bodies, layout.dimension).take(self._index, axis=-2) - self._centre
+        return x, np.einsum("...i,...i->...", x, x)
+
+    def energy(self, q: Array) -> Any:
+        """Return V, shape (...,), of configurations of shape (..., dof)."""
+        _, square = self._offsets(q)
+        return (square[..., None] ** (0.5 * np.asarray(self.exponents)) @ np.asarray(self.coefficients)).sum(-1)
+
+    def gradient(self, q: Array) -> Array:
+        """Return the gradient of V at one configuration, shape (dof,)."""
+        x, square = self._offsets(q)
+        slope = square[:, None] ** (0.5 * np.asarray(self.exponents) - 1.0) @ self._first
+        total = np.zeros((self.bound.bodies, self.bound.dimension))
+        total[self._index] = slope[:, None] * x
+        return total.reshape(-1)
+
+    def hessian(self, q: Array) -> Array:
+        """Return V'' at one configuration, shape (dof, dof)."""
+        layout = self.bound
+        n, d = layout.bodies, layout.dimension
+        x, square = self._offsets(q)
+        powers = square[:, None] ** (0.5 * np.asarray(self.exponents) - 1.0)
+        along = (powers @ self._second) / np.where(square > 0.0, square, 1.0)
+        total = np.zeros((n, d, n, d))
+        total[self._index, :, self._index, :] = (powers @ self._first)[:, None, None] * np.eye(d) + along[
+            :, None, None
+        ] * outer_blocks(x)
+        return total.reshape(n * d, n * d)
+
+    def invariance(self) -> Invariance:
+        """Rotations about an axis that contains all centres; no translation."""
+        return Invariance.of_vectors(self._centre, free=False)
+
+
+class PotentialSum(PotentialFamily):
+    """The sum of several potentials; of none, the zero potential.
+
+    Parameters
+    ----------
+    families
+        The potentials.
+    layout
+        The layout they are bound to, or None.
+    """
+
+    def __init__(self, families: Sequence[PotentialFamily] = (), layout: Layout | None = None) -> None:
+        self.families = tuple(families)
+        self.layout = layout
+        self.constant_hessian = all(family.constant_hessian for family in self.families)
+
+    def bind(self, layout: Layout) -> Self:
+        """Return the sum with every potential bound to ``layout``."""
+        return type(self)([family.bind(layout) for family in self.families], layout)
+
+    def energy(self, q: Array) -> Any:
+        """Return V, shape (...,), of configurations of shape (..., dof)."""
+        total = np.zeros(q.shape[:-1])
+        for family in self.families:
+            total = total + family.energy(q)
+        return total
+
+    def gradient(self, q: Array) -> Array:
+        """Return the gradient of V at one configuration, shape (dof,)."""
+        if not self.families:
+            return np.zeros(q.size)
+        total = self.families[0].gradient(q)
+        for family in self.families[1:]:
+            total = total + family.gradient(q)
+        return total
+
+    def hessian(self, q: Array) -> Array | None:
+        """Return V'' at one configuration, shape (dof, dof), or None where one of the potentials has none."""
+        total = np.zeros((q.size, q.size))
+        for family in self.families:
+            hessian = family.hessian(q)
+            if hessian is None:
+                return None
+            total += hessian
+        return total
+
+    def invariance(self) -> Invariance:
+        """Return the rigid motions that leave every potential unchanged."""
+        return common_invariance(self.families, self.layout)

@@ -1,0 +1,199 @@
+"""A scene: masses, potential, constraints and an admissible initial state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deli.errors import InputError
+from deli.mechanics.arrays import Array, frozen, positive_array, real_array
+from deli.mechanics.constraints import ConstraintFamily, ConstraintStack
+from deli.mechanics.family import Layout
+from deli.mechanics.potentials import PotentialFamily, PotentialSum
+from deli.mechanics.symmetry import Conserved, conserved
+
+TOLERANCE = 1e-9
+"""How far, relative to the scene, an initial state may miss its constraints."""
+
+Potentials = PotentialFamily | Sequence[PotentialFamily] | None
+ConstraintFamilies = ConstraintFamily | Sequence[ConstraintFamily] | None
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Scene:
+    """A mechanical system H(q, p) = p.M^-1 p / 2 + V(q) with g(q) >= 0 and f(q) = 0, and where it starts.
+
+    Arrays are stored as read-only float64 copies, flat; ``dataclasses.replace`` makes checked variants.
+
+    Parameters
+    ----------
+    mass
+        One number, one for each body, or one for each degree of freedom; > 0.
+    position, momentum
+        Initial state, flat (dof,) or (bodies, dimension).
+    potential
+        A potential family, a list of them (summed), or None.
+    unilateral, bilateral
+        Constraint families g and f, each one family, a list of them (stacked), or None.
+    dimension
+        Dimension of space, 1, 2 or 3.
+    name
+        Name recorded with results.
+    parameters
+        Numbers recorded with results.
+
+    Raises
+    ------
+    InputError
+        Where a number is not finite or a mass not positive, lengths do not fit, the initial position violates a
+        constraint, the initial momentum violates F.M^-1 p = 0, or a supplied derivative is wrong.
+    """
+
+    mass: Array
+    position: Array
+    momentum: Array
+    potential: PotentialSum
+    unilateral: ConstraintStack
+    bilateral: ConstraintStack
+    dimension: int
+    name: str
+    parameters: dict[str, Any]
+
+    def __init__(
+        self,
+        mass: ArrayLike,
+        position: ArrayLike,
+        momentum: ArrayLike,
+        potential: Potentials = None,
+        unilateral: ConstraintFamilies = None,
+        bilateral: ConstraintFamilies = None,
+        dimension: int = 1,
+        name: str = "custom",
+        parameters: Mapping[str, Any] | None = None,
+    ) -> None:
+        if isinstance(dimension, bool) or dimension not in (1, 2, 3):
+            raise InputError(f"dimension: found {dimension!r}; it must be 1, 2 or 3")
+        q = _flat("position", position, dimension)
+        p = _flat("momentum", momentum, dimension)
+        if not q.size:
+            raise InputError("position: found no entries; a scene needs at least one body")
+        if p.size != q.size:
+            raise InputError(f"momentum: found {p.size} entries, position has {q.size}; pass as many")
+        layout = Layout(int(dimension), _masses(mass, q.size // dimension, dimension), q)
+        self._set(mass=layout.mass, position=q, momentum=p, dimension=layout.dimension)
+        self._set(name=str(name), parameters=dict(parameters or {}))
+        self._set(potential=PotentialSum(_families("potential", potential, PotentialFamily)).bind(layout))
+        self._set(unilateral=ConstraintStack(_families("unilateral", unilateral, ConstraintFamily)).bind(layout))
+        self._set(bilateral=ConstraintStack(_families("bilateral", bilateral, ConstraintFamily)).bind(layout))
+        self._check_potential()
+        self._check_position("unilateral", self.unilateral)
+        self._check_position("bilateral", self.bilateral)
+        self._check_momentum()
+
+    def _set(self, **values: Any) -> None:
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def dof(self) -> int:
+        """Number of degrees of freedom."""
+        return self.position.size
+
+    @property
+    def bodies(self) -> int:
+        """Number of bodies, dof / dimension."""
+        return self.position.size // self.dimension
+
+    @cached_property
+    def length_scale(self) -> float:
+        """Largest entry of the initial position in absolute value, 1.0 if that is 0."""
+        return float(np.abs(self.position).max()) or 1.0
+
+    @cached_property
+    def symmetry(self) -> Conserved:
+        """Components of momentum the scene conserves."""
+        return conserved(self)
+
+    def _check_potential(self) -> None:
+        with np.errstate(all="ignore"):
+            energy = float(self.potential.energy(self.position))
+            gradient = self.potential.gradient(self.position)
+        if not (np.isfinite(energy) and np.isfinite(gradient).all()):
+            raise InputError(
+                f"potential: energy {energy} and gradient {gradient} at the initial position; start where the "
+                "potential is finite"
+            )
+
+    def _check_position(self, side: str, stack: ConstraintStack) -> None:
+        with np.errstate(all="ignore"):
+            value, jacobian = stack.value(self.position), stack.jacobian(self.position)
+        unilateral = side == "unilateral"
+        allowed = TOLERANCE * self.length_scale * np.linalg.norm(jacobian, axis=1)
+        miss = (-value if unilateral else np.abs(value)) - allowed
+        wrong = ~(miss <= 0.0)
+        if wrong.any():
+            row = int(np.argmax(np.where(np.isnan(miss), np.inf, miss)))
+            raise InputError(
+                f"position: {side} constraint {row} ({stack.labels()[row]}) has value {value[row]:.6g} at the start; "
+                f"it must be {'>=' if unilateral else '='} 0 (within {allowed[row]:.1e}); move the bodies "
+                f"{'apart' if unilateral else 'onto the constraint'}"
+            )
+
+    def _check_momentum(self) -> None:
+        velocity = self.momentum / self.mass
+        jacobian = self.bilateral.jacobian(self.position)
+        rate = jacobian @ velocity
+        allowed = TOLERANCE * np.linalg.norm(jacobian, axis=1) * np.linalg.norm(velocity)
+        wrong = np.abs(rate) > allowed
+        if wrong.any():
+            row = int(np.argmax(np.abs(rate) - allowed))
+            raise InputError(
+                f"momentum: bilateral constraint {row} ({self.bilateral.labels()[row]}) would change at the rate "
+                f"{rate[row]:.6g}; it must be 0 (within {allowed[row]:.1e}); remove the part of the momentum along "
+                "the constraint's gradient"
+            )
+
+
+def _flat(name: str, value: ArrayLike, dimension: int) -> Array:
+    array = np.atleast_1d(real_array(name, value))
+    fits = array.shape[-1] == dimension if array.ndim == 2 else array.ndim == 1 and array.size % dimension == 0
+    if not fits:
+        raise InputError(
+            f"{name}: found shape {array.shape}; in dimension {dimension} pass (bodies, {dimension}), or a flat vector "
+            f"whose length is a multiple of {dimension}"
+        )
+    return frozen(array.reshape(-1))
+
+
+def _masses(value: ArrayLike, bodies: int, dimension: int) -> Array:
+    array = positive_array("mass", value)
+    if array.size == 1:
+        return frozen(np.full(bodies * dimension, array.item()))
+    if array.shape == (bodies,):
+        return frozen(np.repeat(array, dimension))
+    if array.size == bodies * dimension and array.shape in {(array.size,), (bodies, dimension)}:
+        return frozen(array.reshape(-1))
+    raise InputError(
+        f"mass: found shape {array.shape}; pass one number, one for each of {bodies} bodies, or one for each of "
+        f"{bodies * dimension} degrees of freedom"
+    )
+
+
+def _families(name: str, value: Any, kind: type[Any]) -> list[Any]:
+    if value is None:
+        return []
+    if isinstance(value, PotentialSum | ConstraintStack) and isinstance(value, kind):
+        return list(value.families)
+    listed = list(value) if isinstance(value, list | tuple) else [value]
+    for family in listed:
+        if not isinstance(family, kind):
+            plain = "deli.Potential(energy=...)" if kind is PotentialFamily else "deli.Constraints(value=...)"
+            raise InputError(
+                f"{name}: found {family!r}; pass a family such as {plain} for plain functions, a list of them, or None"
+            )
+    return listed

@@ -1,0 +1,80 @@
+"""Scenes by name: what each function builds, the parameters it was called with, and how the paper runs it."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Any, ParamSpec
+
+import numpy as np
+
+from deli.errors import InputError
+from deli.mechanics.scene import Scene
+
+Parameters = ParamSpec("Parameters")
+
+_BUILDERS: dict[str, Callable[..., Scene]] = {}
+_DEFAULTS: dict[str, dict[str, Any]] = {}
+
+
+def scene(
+    *, step_size: float, duration: float, scheme: str
+) -> Callable[[Callable[Parameters, Scene]], Callable[Parameters, Scene]]:
+    """Register the decorated function as a scene of its own name, with the paper's way of running it.
+
+    The scene it returns carries that name and all keyword values, defaults included, in plain Python types; a
+    parameter left at None is not recorded. Calling the function with these values makes the same scene again.
+    """
+
+    def register(build: Callable[Parameters, Scene]) -> Callable[Parameters, Scene]:
+        name = build.__name__
+        signature = inspect.signature(build)
+
+        @functools.wraps(build)
+        def checked(*args: Parameters.args, **keywords: Parameters.kwargs) -> Scene:
+            unknown = [key for key in keywords if key not in signature.parameters]
+            if unknown or args:
+                found = repr(unknown[0]) if unknown else f"a value without a name, {args[0]!r}"
+                allowed = ", ".join(signature.parameters)
+                raise InputError(f"scene {name}: found {found}; its parameters, by keyword, are: {allowed}")
+            bound = signature.bind(**keywords)
+            bound.apply_defaults()
+            values = {key: _plain(value) for key, value in bound.arguments.items() if value is not None}
+            return dataclasses.replace(build(**keywords), name=name, parameters=values)  # type: ignore[call-arg]
+
+        _BUILDERS[name] = checked
+        _DEFAULTS[name] = {"step_size": step_size, "duration": duration, "scheme": scheme}
+        return checked
+
+    return register
+
+
+def available() -> list[str]:
+    """Return the names of all scenes."""
+    return list(_BUILDERS)
+
+
+def get(name: str) -> Callable[..., Scene]:
+    """Return the function that builds the scene called ``name``."""
+    return _BUILDERS[_known(name)]
+
+
+def defaults(name: str) -> dict[str, Any]:
+    """Return the step_size, duration and scheme with which the paper runs the scene called ``name``."""
+    return dict(_DEFAULTS[_known(name)])
+
+
+def _known(name: str) -> str:
+    if not isinstance(name, str) or name not in _BUILDERS:
+        raise InputError(f"scene: found {name!r}; choose one of {', '.join(_BUILDERS)}")
+    return name
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return value
