@@ -11,19 +11,24 @@ if getattr(solvers, "PROJECT", None) != "deli":
 
 from deli import scenes
 from deli.errors import DeliError, InputError, StepError
+from deli.integrators.discrete_smooth import DiscreteSmooth
+from deli.integrators.gvi import GVI
 from deli.mechanics.constraints import Planes
 from deli.mechanics.distances import AnchoredRods, Rods, SpheresApart, SpheresInside
 from deli.mechanics.functions import Constraints, Potential
 from deli.mechanics.pair_potentials import LennardJones, Springs
 from deli.mechanics.potentials import Gravity, RadialPowers
 from deli.mechanics.scene import Scene
+from deli.reflect import reflect
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "GVI",
     "AnchoredRods",
     "Constraints",
     "DeliError",
+    "DiscreteSmooth",
     "Gravity",
     "InputError",
     "LennardJones",
@@ -36,5 +41,6 @@ __all__ = [
     "SpheresInside",
     "Springs",
     "StepError",
+    "reflect",
     "scenes",
 ]
