@@ -1,5 +1,8 @@
 """Geometric integration of mechanical systems with contact, with swappable convex solvers."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 import solvers
 
 if getattr(solvers, "PROJECT", None) != "deli":
@@ -21,6 +24,11 @@ from deli.mechanics.potentials import Gravity, RadialPowers
 from deli.mechanics.scene import Scene
 from deli.reflect import reflect
 
+if TYPE_CHECKING:
+    from deli import plotting
+    from deli.interrupts import Interrupted
+    from deli.simulation import open_run, simulate
+
 __version__ = "0.1.0"
 
 __all__ = [
@@ -31,6 +39,7 @@ __all__ = [
     "DiscreteSmooth",
     "Gravity",
     "InputError",
+    "Interrupted",
     "LennardJones",
     "Planes",
     "Potential",
@@ -41,6 +50,24 @@ __all__ = [
     "SpheresInside",
     "Springs",
     "StepError",
+    "open_run",
+    "plotting",
     "reflect",
     "scenes",
+    "simulate",
 ]
+
+_ON_DEMAND = {"Interrupted": "deli.interrupts", "open_run": "deli.simulation", "simulate": "deli.simulation"}
+
+
+def __getattr__(name: str) -> Any:
+    # xarray, netCDF4 and matplotlib take longer to import than everything else; `deli --help` does without them.
+    if name == "plotting":
+        return import_module("deli.plotting")
+    if name in _ON_DEMAND:
+        return getattr(import_module(_ON_DEMAND[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

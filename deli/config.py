@@ -1,0 +1,138 @@
+"""Configs: TOML in, a checked plan out.
+
+A config names registered things only; nothing in it is evaluated, imported or unpickled.
+"""
+
+import tomllib
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from deli import scenes
+from deli.config_models import config_model, method_model, refuse_nan, say, scene_model, unknown
+from deli.errors import InputError
+from deli.methods import METHODS
+from deli.overrides import apply_overrides, expand
+from deli.plan import Plan, make_plan
+
+LENGTHS = ("steps", "duration")
+
+
+@dataclass(frozen=True)
+class Config:
+    """A checked config with the scene's own defaults filled in.
+
+    Attributes
+    ----------
+    table : dict
+        What `deli.simulate` gets, in the words of a config file.
+    """
+
+    table: dict[str, Any]
+
+    @property
+    def output(self) -> str | None:
+        """The file named by ``record.output``."""
+        output: str | None = self.table["record"].get("output")
+        return output
+
+    def plan(self, output: str | Path | None = None, *, resume: bool = False, overwrite: bool = False) -> Plan:
+        """Build the scene and the method, and check that the run is possible.
+
+        Raises
+        ------
+        InputError
+            If the scene or the method refuses its numbers, or `deli.simulate` its arguments.
+        """
+        settings = dict(self.table)
+        scene, method, record = (dict(settings.pop(name)) for name in ("scene", "method", "record"))
+        return make_plan(
+            _build("scene", scenes.get(scene.pop("name")), scene),
+            _build("method", METHODS[method.pop("name")], method),
+            output=output or record.get("output"),
+            every=record["every"],
+            resume=resume,
+            overwrite=overwrite,
+            **settings,
+        )
+
+
+def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
+    """Read a TOML file; `overrides` are ``key.path=value`` texts.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is not TOML, and for whatever `parse` refuses.
+    """
+    try:
+        table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} cannot be read: {error}.") from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path} is not valid TOML: {error}.") from error
+    try:
+        return parse(table, overrides)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def parse(table: Mapping[str, Any], overrides: Iterable[str] = ()) -> Config:
+    """Check a config's table.
+
+    Where step_size, steps and duration or the method's scheme are absent, the scene's own defaults stand in.
+
+    Raises
+    ------
+    InputError
+        For an unknown key, scene, method or backend, a wrong type, or a value out of range, naming the key's path,
+        what was found and what is allowed.
+    """
+    filled = apply_overrides(expand(table), overrides)
+    refuse_nan(filled)
+    scene = _named(filled, "scene", scenes.available())
+    filled.setdefault("method", {"name": "gvi"})
+    method = _named(filled, "method", METHODS)
+    defaults = scenes.defaults(scene)
+    of_scene, of_method = scene_model(scenes.get(scene)), method_model(METHODS[method])
+    model = config_model(of_scene, of_method)
+    filled.setdefault("step_size", defaults["step_size"])
+    if not set(LENGTHS) & set(filled):
+        filled["duration"] = defaults["duration"]
+    if "scheme" in of_method.model_fields:
+        filled["method"].setdefault("scheme", defaults["scheme"])
+    try:
+        checked = model.model_validate(filled)
+    except ValidationError as error:
+        raise InputError("; ".join(say(found, model) for found in error.errors())) from error
+    if len(set(LENGTHS) & set(filled)) == 2:
+        raise InputError(f"steps is {filled['steps']} and duration is {filled['duration']}; give one of them.")
+    table = checked.model_dump(exclude_none=True)
+    return Config({**table, "scene": filled["scene"], "solvers": _inherited(filled.get("solvers", {}))})
+
+
+def _inherited(solvers: dict[str, Any]) -> dict[str, Any]:
+    """Complete choices of single subproblems that name no backend with the default's entries."""
+    default = solvers.setdefault("default", {"backend": "auto"})
+    return {name: choice if "backend" in choice else {**default, **choice} for name, choice in solvers.items()}
+
+
+def _named(table: dict[str, Any], key: str, allowed: Collection[str]) -> str:
+    entry = table.get(key)
+    if not isinstance(entry, dict):
+        found = "is missing" if entry is None else f"is {entry!r}"
+        raise InputError(f"{key} {found}; expected a table [{key}] with a name, one of: {', '.join(allowed)}.")
+    name = entry.get("name")
+    if name not in allowed:
+        raise InputError(unknown(f"{key}.name", name, allowed))
+    return str(name)
+
+
+def _build(key: str, builder: Any, settings: dict[str, Any]) -> Any:
+    try:
+        return builder(**settings)
+    except InputError as error:
+        raise InputError(f"{key}: {error}") from error

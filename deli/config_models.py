@@ -1,0 +1,164 @@
+"""The shape of a config as pydantic models, and refusals in words."""
+
+import dataclasses
+import difflib
+import inspect
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Annotated, Any, Literal, get_type_hints
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+import solvers
+from deli.errors import InputError
+from deli.methods import CHOICES
+from solvers.registry import CHAINS, REFERENCE
+
+PLAIN_TYPES = (bool, int, float, str)
+
+
+class Table(BaseModel):
+    """A table of a config: every key is known, and numbers are numbers."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+def _backend(name: Any) -> Any:
+    if not isinstance(name, str) or name.startswith(REFERENCE):
+        return name
+    known = {info.name: info for info in solvers.backends()}
+    if name not in known and name not in CHAINS:
+        raise PydanticCustomError("unknown", "{allowed}", {"allowed": listed(name, [*CHAINS, *known])})
+    if name in known and not known[name].installed:
+        raise PydanticCustomError("unknown", "it is not installed: {install}", {"install": known[name].install})
+    return name
+
+
+class SolverTable(Table):
+    """Which backend solves, and how hard it tries."""
+
+    backend: Annotated[str, BeforeValidator(_backend)] = "auto"
+    tolerance: float = Field(default=1e-9, gt=0, lt=1)
+    polish: bool = True
+    options: dict[str, Any] = {}
+
+
+class SolversTable(Table):
+    """Solver choices by subproblem; `default` for those left out."""
+
+    default: SolverTable = Field(default_factory=SolverTable)
+    reflection: SolverTable | None = None
+    position: SolverTable | None = None
+    projection: SolverTable | None = None
+
+
+class RecordTable(Table):
+    """How often rows are recorded, and the file they go to (relative to the current directory)."""
+
+    every: int = Field(default=1, ge=1)
+    output: str | None = None
+
+
+class RunTable(Table):
+    """Everything of a config but its scene and its method."""
+
+    step_size: float = Field(gt=0)
+    steps: int | None = Field(default=None, ge=1)
+    duration: float | None = Field(default=None, gt=0)
+    skip: bool = True
+    contact_tolerance: float = Field(default=1e-8, gt=0, lt=1)
+    solvers: SolversTable = Field(default_factory=SolversTable)
+    record: RecordTable = Field(default_factory=RecordTable)
+
+
+def config_model(scene: type[Table], method: type[Table]) -> type[Table]:
+    """Return the model of a config, from those of its scene's and its method's tables."""
+    return create_model("Config", __base__=RunTable, scene=(scene, ...), method=(method, ...))
+
+
+def scene_model(build: Callable[..., Any]) -> type[Table]:
+    """Return the model of a scene's table, from the signature of the function that builds it."""
+    function = inspect.unwrap(build)
+    hints = get_type_hints(function)
+    fields: dict[str, Any] = {
+        key: (hints[key] if hints[key] in PLAIN_TYPES else Numbers, parameter.default)
+        for key, parameter in inspect.signature(function).parameters.items()
+    }
+    return create_model("Scene", __base__=Table, name=(str, ...), **fields)
+
+
+def method_model(method: type[Any]) -> type[Table]:
+    """Return the model of a method's table, from the fields of its class."""
+    hints = get_type_hints(method)
+    fields: dict[str, Any] = {
+        field.name: (Literal[CHOICES[field.name]] if field.name in CHOICES else hints[field.name], field.default)
+        for field in dataclasses.fields(method)
+    }
+    return create_model("Method", __base__=Table, name=(str, ...), **fields)
+
+
+def _numbers(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_numbers(entry) for entry in value]
+    if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
+        raise PydanticCustomError("numbers", "a number or a list of numbers is allowed")
+    return value
+
+
+Numbers = Annotated[Any, BeforeValidator(_numbers)]
+
+
+def refuse_nan(table: Mapping[str, Any], prefix: str = "") -> None:
+    """Refuse nan and infinity anywhere in a table.
+
+    Raises
+    ------
+    InputError
+        Naming the key.
+    """
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            refuse_nan(value, f"{prefix}{key}.")
+        elif isinstance(value, list):
+            refuse_nan({str(index): entry for index, entry in enumerate(value)}, f"{prefix}{key}.")
+        elif isinstance(value, float) and not math.isfinite(value):
+            raise InputError(f"{prefix}{key} is {value}; allowed: finite numbers.")
+
+
+def unknown(path: str, found: Any, allowed: Iterable[str]) -> str:
+    """Say that a name is not known."""
+    return f"{path} is {found!r}; {listed(found, allowed)}."
+
+
+def listed(found: Any, allowed: Iterable[str]) -> str:
+    """List what is allowed, with the closest name in front if one is close."""
+    names = list(allowed)
+    close = difflib.get_close_matches(str(found), names, n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"{hint}allowed: {', '.join(names)}"
+
+
+def say(error: ErrorDetails, model: type[BaseModel]) -> str:
+    """Turn one of pydantic's findings into a sentence: key, what was found, what is allowed."""
+    path = ".".join(str(part) for part in error["loc"])
+    if error["type"] == "extra_forbidden":
+        *parents, key = error["loc"]
+        return f"{path} is an unknown key; {listed(key, _keys(model, parents))}."
+    if error["type"] == "missing":
+        return f"{path} is missing."
+    if error["type"] == "literal_error":
+        names = error["ctx"]["expected"].replace("'", "").replace(" or ", ", ").split(", ")
+        return unknown(path, error["input"], names)
+    message = error["msg"].removeprefix("Input should be ")
+    allowed = message if error["type"] in ("unknown", "numbers") else f"allowed: {message}"
+    return f"{path} is {error['input']!r}; {allowed}."
+
+
+def _keys(model: type[BaseModel], parents: Iterable[Any]) -> list[str]:
+    inner = model
+    for parent in parents:
+        annotation = inner.model_fields[parent].annotation
+        candidates = [annotation, *getattr(annotation, "__args__", ())]
+        inner = next(kind for kind in candidates if isinstance(kind, type) and issubclass(kind, BaseModel))
+    return list(inner.model_fields)

@@ -1,0 +1,18 @@
+"""Methods by the name they have in a config."""
+
+from typing import Any
+
+from deli.integrators.discrete_smooth import DiscreteSmooth
+from deli.integrators.gvi import GVI, PREDICTORS
+from deli.mechanics.schemes import SCHEMES
+from deli.subproblems.reflection import ENERGIES, OPERATORS
+
+METHODS: dict[str, type[Any]] = {"gvi": GVI, "discrete_smooth": DiscreteSmooth}
+
+CHOICES: dict[str, tuple[str, ...]] = {
+    "scheme": tuple(SCHEMES),
+    "reflection": tuple(OPERATORS),
+    "energy": tuple(ENERGIES),
+    "predictor": tuple(PREDICTORS),
+}
+"""Values a method's setting can have."""

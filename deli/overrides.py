@@ -1,0 +1,92 @@
+"""Changing a config's table: short forms spelled out, ``key.path=value`` overrides."""
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from deli.errors import InputError
+
+BARE_STRING = re.compile(r"[A-Za-z_./~][\w./:~-]*")
+SHORT_FORMS = {"scene": "name", "method": "name", "solvers": "default"}
+CHOICE_KEYS = {"backend", "tolerance", "polish", "options"}
+EXCLUSIVE = {"steps": "duration", "duration": "steps"}
+
+
+def expand(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a copy with tables in place of short forms.
+
+    These are ``scene = "pogo_stick"``, ``method = "gvi"``, ``solvers = "osqp"``, ``solvers = {backend = "osqp"}``,
+    and names in place of tables for single subproblems.
+    """
+    copy = {key: _copied(value) for key, value in table.items()}
+    for key, inner in SHORT_FORMS.items():
+        if isinstance(copy.get(key), str):
+            copy[key] = {inner: copy[key]}
+    return _expand_solvers(copy)
+
+
+def _expand_solvers(table: dict[str, Any]) -> dict[str, Any]:
+    choices = table.get("solvers")
+    if isinstance(choices, dict):
+        if CHOICE_KEYS & set(choices):
+            choices = {"default": choices}
+        table["solvers"] = {
+            name: {"backend": choice} if isinstance(choice, str) else choice for name, choice in choices.items()
+        }
+    return table
+
+
+def apply_overrides(table: dict[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
+    """Apply ``key.path=value`` texts in order; one of steps and duration replaces the other.
+
+    Raises
+    ------
+    InputError
+        If a text has no ``=``, a value is neither TOML nor a bare word, or a path leads through a value.
+    """
+    for text in overrides:
+        path, equals, value = text.partition("=")
+        keys = [key.strip() for key in path.split(".")]
+        if not equals or not all(keys):
+            raise InputError(f"--set {text}: expected key=value, such as step_size=0.01 or scene.balls=3.")
+        override(table, keys, parse_value(text, value.strip()))
+    return _expand_solvers(table)
+
+
+def override(table: dict[str, Any], keys: list[str], value: Any) -> None:
+    """Set one entry of a table, at a path of keys."""
+    if len(keys) == 1:
+        if keys[0] in SHORT_FORMS and isinstance(value, str):
+            keys = [keys[0], SHORT_FORMS[keys[0]]]
+        table.pop(EXCLUSIVE.get(keys[0], ""), None)
+    if keys[:1] == ["scene"] and keys[-1] == "name" and table.get("scene", {}).get("name") != value:
+        table["scene"] = {}
+    inner = table
+    for index, key in enumerate(keys[:-1]):
+        inner = inner.setdefault(key, {})
+        if not isinstance(inner, dict):
+            path = ".".join(keys[: index + 1])
+            raise InputError(f"--set {'.'.join(keys)}: {path} is {inner!r}, not a table.")
+    inner[keys[-1]] = value
+
+
+def parse_value(text: str, value: str) -> Any:
+    """Read a value in TOML's syntax; a bare word is a string."""
+    try:
+        parsed = tomllib.loads(f"value = {value}")
+        if len(parsed) == 1:
+            return parsed["value"]
+        raise InputError(f"--set {text}: {value!r} is more than one value.")
+    except tomllib.TOMLDecodeError as error:
+        if BARE_STRING.fullmatch(value):
+            return value
+        raise InputError(
+            f"--set {text}: {value!r} is neither a TOML value nor a bare word ({error}); quote strings."
+        ) from error
+
+
+def _copied(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _copied(item) for key, item in value.items()}
+    return [_copied(item) for item in value] if isinstance(value, list) else value

@@ -1,0 +1,156 @@
+"""What a run will do, checked before anything is computed."""
+
+import math
+import operator
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from deli.errors import InputError
+from deli.mechanics.scene import Scene
+from deli.recording import provenance
+from deli.recording.netcdf import check_output
+
+DURATION_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A checked run: see `deli.simulate` for the meaning of each field."""
+
+    scene: Scene
+    method: Any
+    step_size: float
+    steps: int
+    solvers: Any
+    every: int
+    skip: bool
+    contact_tolerance: float
+    output: Path | None
+    resume: bool
+    overwrite: bool
+
+    @property
+    def rows(self) -> int:
+        """Rows of the finished run: the initial state, every `every`-th step, and the last step in any case."""
+        return 1 + math.ceil(self.steps / self.every)
+
+    def step_of(self, row: int) -> int:
+        """Number of integration steps taken at a row."""
+        return min(row * self.every, self.steps)
+
+    def ends(self, row: int) -> Iterator[int]:
+        """Step numbers at the rows that follow `row`."""
+        return (self.step_of(later) for later in range(row + 1, self.rows))
+
+    def config(self) -> dict[str, Any]:
+        """The run as a config, with every default spelled out."""
+        return provenance.describe(
+            self.scene,
+            self.method,
+            step_size=self.step_size,
+            steps=self.steps,
+            skip=self.skip,
+            contact_tolerance=self.contact_tolerance,
+            solvers=self.solvers,
+            every=self.every,
+        )
+
+    def stepper(self) -> Any:
+        """A fresh stepper of the method."""
+        return self.method.stepper(
+            self.scene,
+            self.step_size,
+            solvers=self.solvers,
+            skip=self.skip,
+            contact_tolerance=self.contact_tolerance,
+        )
+
+
+def make_plan(
+    scene: Scene,
+    method: Any,
+    *,
+    step_size: float,
+    steps: int | None = None,
+    duration: float | None = None,
+    solvers: Any = "auto",
+    output: Any = None,
+    every: int = 1,
+    skip: bool = True,
+    resume: bool = False,
+    contact_tolerance: float = 1e-8,
+    overwrite: bool = False,
+) -> Plan:
+    """Check the arguments of `deli.simulate`.
+
+    Raises
+    ------
+    InputError
+        For the first argument that is not allowed; nothing has been computed or written then.
+    """
+    if not isinstance(scene, Scene):
+        raise InputError(f"scene is {scene!r}; expected a deli.Scene, such as deli.scenes.point_mass().")
+    if isinstance(method, type) or not hasattr(method, "stepper"):
+        raise InputError(f"method is {method!r}; expected a method's instance, such as deli.GVI().")
+    size = _positive("step_size", step_size)
+    for name, flag in (("skip", skip), ("resume", resume), ("overwrite", overwrite)):
+        if not isinstance(flag, bool):
+            raise InputError(f"{name} is {flag!r}; allowed: True or False.")
+    if output is None and resume:
+        raise InputError("resume is set, but there is no output to resume; name the file with output=.")
+    target = None if output is None else Path(output)
+    if target is not None:
+        check_output(target, resume=resume, overwrite=overwrite)
+    return Plan(
+        scene=scene,
+        method=method,
+        step_size=size,
+        steps=_count_steps(size, steps, duration),
+        solvers=solvers,
+        every=_count("every", every),
+        skip=skip,
+        contact_tolerance=_positive("contact_tolerance", contact_tolerance),
+        output=target,
+        resume=resume,
+        overwrite=overwrite,
+    )
+
+
+def _count_steps(step_size: float, steps: int | None, duration: float | None) -> int:
+    if (steps is None) == (duration is None):
+        found = "neither" if steps is None else f"both (steps={steps!r}, duration={duration!r})"
+        raise InputError(f"found {found} of steps and duration; give exactly one.")
+    if duration is None:
+        return _count("steps", steps)
+    length = _positive("duration", duration)
+    nearest = round(length / step_size)
+    if nearest < 1 or abs(nearest * step_size - length) > DURATION_TOLERANCE * length:
+        below = math.floor(length / step_size)
+        allowed = [f"{count * step_size:.12g} ({count} steps)" for count in (below, below + 1) if count >= 1]
+        raise InputError(
+            f"duration {length!r} is not a multiple of step_size {step_size!r}; the nearest allowed values are "
+            f"{' and '.join(allowed)}."
+        )
+    return nearest
+
+
+def _positive(name: str, value: Any) -> float:
+    try:
+        number = float("nan") if isinstance(value, bool | str) else float(value)
+    except (TypeError, ValueError):
+        number = float("nan")
+    if not (math.isfinite(number) and number > 0):
+        raise InputError(f"{name} is {value!r}; allowed: a finite number > 0.")
+    return number
+
+
+def _count(name: str, value: Any) -> int:
+    try:
+        number = 0 if isinstance(value, bool) else operator.index(value)
+    except TypeError:
+        number = 0
+    if number < 1:
+        raise InputError(f"{name} is {value!r}; allowed: a whole number >= 1.")
+    return number

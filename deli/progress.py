@@ -1,0 +1,53 @@
+"""The bar that shows how far a run is, how fast it goes and what energy it has lost."""
+
+import sys
+import time
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+
+class ProgressBar:
+    """A bar on standard error; shows nothing where that is not a terminal.
+
+    Parameters
+    ----------
+    title : str
+        What is run.
+    steps, done : int
+        Steps in total, and those of earlier sessions.
+    shown : bool
+        Whether to show the bar at all.
+    """
+
+    def __init__(self, title: str, steps: int, done: int, shown: bool) -> None:
+        console = Console(file=sys.stderr)
+        self.active = shown and (console.is_terminal or console.is_jupyter)
+        self._done = done
+        if self.active:
+            self._progress = Progress(
+                TextColumn("{task.description}"),
+                BarColumn(),
+                MofNCompleteColumn(),
+                TextColumn("{task.fields[rate]}  energy error {task.fields[error]:.1e}"),
+                TimeRemainingColumn(),
+                console=console,
+                auto_refresh=False,
+            )
+            self._task = self._progress.add_task(title, total=steps, completed=done, rate="", error=0.0)
+
+    def __enter__(self) -> "ProgressBar":
+        self._started = time.perf_counter()
+        if self.active:
+            self._progress.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self.active:
+            self._progress.stop()
+
+    def update(self, step: int, energy_error: float) -> None:
+        """Show that `step` steps are done."""
+        seconds = max(time.perf_counter() - self._started, 1e-9)
+        rate = f"{(step - self._done) / seconds:,.0f} steps/s"
+        self._progress.update(self._task, completed=step, rate=rate, error=energy_error, refresh=True)

@@ -1,0 +1,203 @@
+"""Where a run comes from: its whole configuration, the software, the machine, the times."""
+
+import dataclasses
+import importlib.metadata
+import os
+import platform
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+import tomli_w
+import xarray as xr
+
+from deli import scenes
+from deli.errors import InputError
+from deli.mechanics import symmetry
+from deli.mechanics.scene import Scene
+from deli.recording.schema import AXES, CONVENTIONS, UNITS_NOTE
+from deli.subproblems.choices import parse_choices
+from solvers.registry import BUILTIN, REFERENCE
+
+CUSTOM = "custom"
+NONE_USED = "none used"
+
+
+def describe(scene: Scene, method: Any, **settings: Any) -> dict[str, Any]:
+    """Everything that decides what a run computes, in the words of a config file.
+
+    A scene that its registered name and parameters do not reproduce (a user's own, or one changed afterwards) is
+    called ``custom`` and described by its initial state; its functions cannot be written down.
+
+    Parameters
+    ----------
+    scene, method
+        What is run.
+    settings
+        Keyword arguments of `deli.simulate` that matter: step_size, steps, every, skip, contact_tolerance, solvers.
+    """
+    choices = parse_choices(settings.pop("solvers"))
+    every = settings.pop("every")
+    return plain(
+        {
+            **settings,
+            "scene": _describe_scene(scene),
+            "method": {"name": method_name(type(method)), **dataclasses.asdict(method)},
+            "solvers": {name: dataclasses.asdict(choice) for name, choice in choices.items()},
+            "record": {"every": every},
+        }
+    )
+
+
+def method_name(method: type) -> str:
+    """Name of a method's class in a config: ``DiscreteSmooth`` is ``discrete_smooth``."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", method.__name__).lower()
+
+
+def scene_of(run: xr.DataTree) -> Scene | None:
+    """The scene a run was computed with, or None if it was a user's own and cannot be rebuilt."""
+    table = dict(tomllib.loads(run.attrs["config"])["scene"])
+    name = table.pop("name")
+    return None if name == CUSTOM or name not in scenes.available() else scenes.get(name)(**table)
+
+
+def attributes(config: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
+    """Root attributes that are known when a run starts."""
+    return {
+        "Conventions": CONVENTIONS,
+        "title": title(config),
+        "config": tomli_w.dumps(config),
+        "deli_version": version("deli"),
+        "cvxpy_version": version("cvxpy"),
+        "numpy_version": version("numpy"),
+        "python_version": platform.python_version(),
+        "machine": f"{platform.platform()}, {os.cpu_count()} CPUs",
+        **conserved_momenta(scene),
+        "units_note": UNITS_NOTE,
+        "start": now(),
+        "backend_versions": NONE_USED,
+        "outcome": "unfinished",
+    }
+
+
+def title(config: Mapping[str, Any]) -> str:
+    """One line that says what is run."""
+    name, *settings = config["method"].values()
+    words = ", ".join(str(value) for value in settings)
+    label = config["scene"].get("label", config["scene"]["name"])
+    return f"{label} with {name}({words}), h = {config['step_size']!r}, {config['steps']} steps"
+
+
+def conserved_momenta(scene: Scene) -> dict[str, str]:
+    """Components of linear and angular momentum that the scene's symmetry keeps constant."""
+    conserved = symmetry.conserved(scene)
+    rotation_axes = {1: (), 2: ("z",), 3: AXES}[scene.dimension]
+    components = {
+        "conserved_linear_momentum": zip(AXES, conserved.linear, strict=False),
+        "conserved_angular_momentum": zip(rotation_axes, conserved.angular, strict=True),
+    }
+    return {name: " ".join(axis for axis, kept in pairs if kept) or "none" for name, pairs in components.items()}
+
+
+def backend_versions(names: Iterable[str], recorded: str = NONE_USED) -> str:
+    """Backends that solved something with their versions, separated by commas, and those `recorded` earlier."""
+    earlier = set() if recorded == NONE_USED else set(recorded.split(", "))
+    return ", ".join(sorted(earlier | {f"{name} {backend_version(name)}" for name in names})) or NONE_USED
+
+
+def backend_version(name: str) -> str:
+    """Version of the package a backend comes from; of a backend registered by hand, nobody knows it."""
+    if name.startswith(REFERENCE):
+        return version("cvxpy")
+    return version(BUILTIN[name][1]) if name in BUILTIN else "(registered by the user)"
+
+
+def version(distribution: str) -> str:
+    """Version of an installed distribution."""
+    return importlib.metadata.version(distribution)
+
+
+def now() -> str:
+    """The present, in UTC, ISO 8601."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def require_same(recorded: str, config: Mapping[str, Any], path: object) -> None:
+    """Refuse to resume a run with another configuration than the file's.
+
+    Raises
+    ------
+    InputError
+        Naming every key that differs.
+    """
+    before, now_ = flatten(tomllib.loads(recorded)), flatten(config)
+    differing = [key for key in before | now_ if before.get(key) != now_.get(key)]
+    if differing:
+        found = "; ".join(
+            f"{key} is {before.get(key, 'absent')!r} there and {now_.get(key, 'absent')!r} now" for key in differing
+        )
+        raise InputError(
+            f"{path} cannot be resumed, its configuration differs: {found}. Use the same configuration, "
+            "overwrite it, or name another output."
+        )
+
+
+def flatten(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """A nested table with dotted keys."""
+    flat: dict[str, Any] = {}
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            flat |= flatten(value, f"{prefix}{key}.")
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat
+
+
+def plain(value: Any) -> Any:
+    """Mappings, arrays and numbers in the types that TOML knows; None is left out of tables."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items() if item is not None}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return value
+
+
+def _describe_scene(scene: Scene) -> dict[str, Any]:
+    if scene.name in scenes.available() and _same(scenes.get(scene.name)(**scene.parameters), scene):
+        return {"name": scene.name, **scene.parameters}
+    return {
+        "name": CUSTOM,
+        "label": scene.name,
+        "dimension": scene.dimension,
+        "mass": scene.mass,
+        "position": scene.position,
+        "momentum": scene.momentum,
+        "constraints": [*scene.unilateral.labels(), *scene.bilateral.labels()],
+    }
+
+
+def _same(one: Scene, other: Scene) -> bool:
+    if one.dimension != other.dimension:
+        return False
+    return all(np.array_equal(a, b) for a, b in zip(_fingerprint(one), _fingerprint(other), strict=True))
+
+
+def _fingerprint(scene: Scene) -> list[np.ndarray]:
+    q = scene.position
+    return [
+        scene.mass,
+        q,
+        scene.momentum,
+        np.asarray(scene.potential.energy(q)),
+        scene.potential.gradient(q),
+        *(
+            function(q)
+            for family in (scene.unilateral, scene.bilateral)
+            for function in (family.value, family.jacobian)
+        ),
+    ]

@@ -1,0 +1,187 @@
+"""What a recorded run contains: every variable with its dimensions, type, units and long name."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from deli.subproblems.choices import SUBPROBLEMS
+from deli.subproblems.stats import STATUS_MEANINGS
+
+CONVENTIONS = "deli-1"
+UNITS_NOTE = (
+    "L, M and T are the scene's own units of length, mass and time; a system without units has all three equal to 1. "
+    "Times of solvers and of the run are in seconds (s). Positions and momenta of scenes whose "
+    "coordinates are not lengths follow the scene."
+)
+AXES = ("x", "y", "z")
+TRAJECTORY, STATS = "trajectory", "solver_stats"
+
+Block = dict[str, np.ndarray]
+VariableData = tuple[tuple[str, ...], np.ndarray, dict[str, Any]]  # dims, values, attributes
+Groups = dict[str, dict[str, VariableData]]
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One recorded variable: name, dimensions, dtype and attributes."""
+
+    name: str
+    dims: tuple[str, ...]
+    dtype: str
+    units: str
+    long_name: str
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """Attributes as they stand in the file and in memory."""
+        return {"units": self.units, "long_name": self.long_name, **self.extra}
+
+    @property
+    def grows(self) -> bool:
+        """Whether rows are appended to the variable while the run goes on."""
+        return bool(self.dims) and self.dims[0] in ("time", "step")
+
+
+@dataclass(frozen=True)
+class Schema:
+    """The groups of a run of a system with `dof` degrees of freedom in `dimension` dimensions.
+
+    Group ``trajectory`` grows along ``time`` (row 0 is the initial state), group ``solver_stats`` along ``step``:
+    ``step`` k leads from row k to row k + 1 and sums up all integration steps between them.
+    """
+
+    dof: int
+    dimension: int
+
+    @property
+    def groups(self) -> dict[str, tuple[Variable, ...]]:
+        """Variables by group, coordinates first."""
+        return {TRAJECTORY: self._trajectory(), STATS: _STATS}
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Lengths of the dimensions that do not grow."""
+        return {"dof": self.dof, "axis": self.dimension, "subproblem": len(SUBPROBLEMS)}
+
+    def constants(self) -> dict[str, Block]:
+        """Values of the coordinates that do not grow, by group."""
+        body = np.repeat(np.arange(self.dof // self.dimension), self.dimension)
+        direction = np.tile(np.array(AXES[: self.dimension]), self.dof // self.dimension)
+        return {
+            TRAJECTORY: {
+                "dof": np.arange(self.dof),
+                "body": body,
+                "direction": direction,
+                "axis": np.array(AXES[: self.dimension]),
+            },
+            STATS: {"subproblem": np.array(SUBPROBLEMS)},
+        }
+
+    def _trajectory(self) -> tuple[Variable, ...]:
+        angular = {1: (), 2: ("time",), 3: ("time", "axis")}[self.dimension]
+        variables: tuple[Variable, ...] = _TRAJECTORY
+        if angular:
+            about = "total angular momentum about the origin, sum of r x p"
+            variables += (Variable("angular_momentum", angular, "f8", "M L2 T-1", about),)
+        return variables + _CONTACT
+
+
+def _time(name: str, long_name: str) -> Variable:
+    return Variable(name, ("step", "subproblem"), "f8", "s", long_name)
+
+
+def _count(name: str, long_name: str) -> Variable:
+    return Variable(name, ("step", "subproblem"), "i8", "1", long_name)
+
+
+def _residual(name: str, long_name: str) -> Variable:
+    return Variable(name, ("step", "subproblem"), "f8", "1", f"{long_name}; nan where nothing was measured")
+
+
+_ENERGY = "M L2 T-2"
+_TRAJECTORY = (
+    Variable("time", ("time",), "f8", "T", "time since the initial state", {"axis": "T"}),
+    Variable("dof", ("dof",), "i8", "1", "degree of freedom, counted from 0"),
+    Variable("body", ("dof",), "i8", "1", "body the degree of freedom belongs to, counted from 0"),
+    Variable("direction", ("dof",), "str", "1", "direction of the degree of freedom"),
+    Variable("axis", ("axis",), "str", "1", "direction of the component"),
+    Variable("position", ("time", "dof"), "f8", "L", "position q"),
+    Variable("momentum", ("time", "dof"), "f8", "M L T-1", "momentum p"),
+    Variable("hamiltonian", ("time",), "f8", _ENERGY, "total energy H(q, p)"),
+    Variable("kinetic_energy", ("time",), "f8", _ENERGY, "kinetic energy"),
+    Variable("potential_energy", ("time",), "f8", _ENERGY, "potential energy V(q)"),
+    Variable("linear_momentum", ("time", "axis"), "f8", "M L T-1", "total linear momentum"),
+)
+_CONTACT = (
+    Variable(
+        "gap_min",
+        ("time",),
+        "f8",
+        "L",
+        "smallest gap, negative in penetration; nan without unilateral constraints",
+    ),
+    Variable(
+        "equality_residual",
+        ("time",),
+        "f8",
+        "L",
+        "largest |f(q)| of the bilateral constraints; nan without any",
+    ),
+    Variable(
+        "smooth_contacts",
+        ("time",),
+        "i8",
+        "1",
+        "contacts in the smooth set of the step that leads to the row",
+    ),
+    Variable(
+        "reflected_contacts",
+        ("time",),
+        "i8",
+        "1",
+        "contacts reflected in the steps since the row before, summed over steps",
+    ),
+)
+_STATS = (
+    Variable("step", ("step",), "i8", "1", "interval between rows: step k leads from row k to row k + 1"),
+    Variable("subproblem", ("subproblem",), "str", "1", "convex subproblem of an integration step"),
+    _count("solves", "calls of a solver"),
+    _count("skipped", "subproblems answered without a solver"),
+    _count("iterations", "iterations of the solver"),
+    _count("rows", "constraint rows handed to the solver"),
+    _count("fallbacks", "members of a solver chain that failed before one succeeded"),
+    _time("solve_time", "time inside the solver"),
+    _time("overhead_time", "time to write the solver's data, read its answer and check it"),
+    _residual("primal_residual", "largest scaled primal residual"),
+    _residual("dual_residual", "largest scaled dual residual"),
+    _residual("complementarity", "largest scaled complementarity residual"),
+    Variable(
+        "status",
+        ("step", "subproblem"),
+        "i1",
+        "1",
+        "worst status of the subproblem",
+        {
+            "flag_values": np.arange(len(STATUS_MEANINGS), dtype=np.int8),
+            "flag_meanings": " ".join(STATUS_MEANINGS),
+        },
+    ),
+)
+
+
+def coordinates(group: str) -> tuple[str, ...]:
+    """Names in a group that are coordinates rather than data."""
+    return {TRAJECTORY: ("time", "dof", "body", "direction", "axis"), STATS: ("step", "subproblem")}[group]
+
+
+def build_tree(groups: Groups, attributes: Mapping[str, Any]) -> xr.DataTree:
+    """Put variables and root attributes into the tree that users see."""
+    datasets = {"/": xr.Dataset(attrs=dict(attributes))}
+    for group, variables in groups.items():
+        dataset = xr.Dataset({name: xr.Variable(*variable) for name, variable in variables.items()})
+        datasets[f"/{group}"] = dataset.set_coords([name for name in coordinates(group) if name in dataset])
+    return xr.DataTree.from_dict(datasets)

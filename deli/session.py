@@ -1,0 +1,166 @@
+"""The loop over steps: advance, record, look up now and then, and end in an orderly way."""
+
+import logging
+import math
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from deli.errors import InputError, StepError
+from deli.interrupts import Interrupted, StopRequests
+from deli.mechanics import energies
+from deli.plan import Plan
+from deli.progress import ProgressBar
+from deli.recording import netcdf, provenance
+from deli.recording.recorder import BLOCK_ROWS, Memory, Recorder, diagnose_rows
+from deli.recording.schema import TRAJECTORY, Groups, Schema, build_tree
+
+COMPLETE, FAILED, INTERRUPTED = "complete", "failed", "interrupted"
+FLUSH_SECONDS, PATIENCE_SECONDS, REFRESH_SECONDS = 1.0, 10.0, 0.1
+
+logger = logging.getLogger("deli")
+
+
+class Session:
+    """One go at a run: from the initial state, or from the last committed row of a partial file.
+
+    Rows go to the partial file once `BLOCK_ROWS` are buffered and a second has passed, or ten seconds have.
+    """
+
+    def __init__(self, plan: Plan, config: dict[str, Any], progress: bool) -> None:
+        self._plan = plan
+        self._began = time.perf_counter()
+        self._stepper = plan.stepper()
+        self._attributes = provenance.attributes(config, plan.scene)
+        self._schema = Schema(plan.scene.dof, plan.scene.dimension)
+        self._q, self._p = plan.scene.position, plan.scene.momentum
+        self._energy = float(energies.hamiltonian(plan.scene, self._q, self._p))
+        self._memory, self._writer, first_row = Memory(), None, 0
+        if plan.output is not None:
+            self._writer, first_row = self._open(netcdf.partial_path(plan.output), config)
+        self._recorder = Recorder(plan.scene, self._writer or self._memory, first_row)
+        if first_row == 0:
+            self._recorder.add(0.0, self._q, self._p, None)
+            self._recorder.flush()
+        self._step = self._first_step = plan.step_of(self._recorder.rows - 1)
+        self._bar = ProgressBar(self._attributes["title"], plan.steps, self._step, progress)
+        self._flushed = time.perf_counter()
+
+    def run(self) -> xr.DataTree:
+        """Take all steps that are left; see `deli.simulate` for how this can end."""
+        try:
+            with StopRequests() as stop, self._bar:
+                outcome = self._advance(stop)
+        except KeyboardInterrupt:
+            outcome = f"{INTERRUPTED} after step {self._step}"
+        except netcdf.RecordingError:
+            raise
+        except Exception as error:
+            self._finish(self._failure(f"{type(error).__name__}: {error}"))
+            raise
+        run = self._finish(outcome)
+        if outcome.startswith(INTERRUPTED):
+            raise Interrupted(self._advice(outcome), run)
+        if outcome != COMPLETE:
+            logger.warning("%s: %s", self._attributes["title"], outcome)
+        return run
+
+    def _open(self, path: Path, config: dict[str, Any]) -> tuple[netcdf.Writer, int]:
+        if self._plan.resume and path.exists():
+            groups, attributes = netcdf.read(path)
+            rows = len(groups[TRAJECTORY]["time"][1])
+            if rows:
+                provenance.require_same(attributes["config"], config, path)
+                self._require_same_functions(groups, path)
+                self._q, self._p = (groups[TRAJECTORY][name][1][-1] for name in ("position", "momentum"))
+                return netcdf.Writer.reopen(path), rows
+        return netcdf.Writer.create(path, self._schema, self._attributes), 0
+
+    def _require_same_functions(self, groups: Groups, path: Path) -> None:
+        first = diagnose_rows(self._plan.scene, 0, self._q[np.newaxis], self._p[np.newaxis])
+        for name, values in first.items():
+            recorded = groups[TRAJECTORY][name][1][:1]
+            if not np.allclose(recorded, values, rtol=1e-9, atol=1e-12, equal_nan=True):
+                raise InputError(
+                    f"{path} cannot be resumed: {name} of the initial state is {recorded[0]} there and {values[0]} "
+                    "now, so the scene's functions are not the same. Overwrite it, or name another output."
+                )
+
+    def _advance(self, stop: StopRequests) -> str:
+        step, stats = self._stepper.step, self._stepper.stats
+        clock = time.perf_counter
+        due = clock() + REFRESH_SECONDS
+        for end in self._plan.ends(self._recorder.rows - 1):
+            stats.reset()
+            origin = self._q, self._p
+            while self._step < end:
+                if stop.reason is not None:
+                    return f"{INTERRUPTED} by {stop.reason} after step {self._step}"
+                try:
+                    q, p = step(self._q, self._p)
+                except StepError as error:
+                    self._record_before_failure(origin)
+                    return self._failure(str(error))
+                # A product of finite numbers is cheaper to look at than all of them, and not finite if one is not.
+                if not math.isfinite(q.dot(p)) and not (np.isfinite(q).all() and np.isfinite(p).all()):
+                    self._record_before_failure(origin)
+                    return self._failure("the state is not finite; try a smaller step_size")
+                self._q, self._p = q, p
+                self._step += 1
+                if clock() > due:
+                    self._look_up()
+                    due = clock() + REFRESH_SECONDS
+            self._recorder.add(self._step * self._plan.step_size, self._q, self._p, stats)
+        return COMPLETE
+
+    def _look_up(self) -> None:
+        waited = time.perf_counter() - self._flushed
+        enough = self._recorder.buffered >= BLOCK_ROWS and waited > FLUSH_SECONDS
+        if self._writer is not None and (enough or waited > PATIENCE_SECONDS):
+            self._recorder.flush()
+            self._flushed = time.perf_counter()
+        if self._bar.active:
+            energy = float(energies.hamiltonian(self._plan.scene, self._q, self._p))
+            self._bar.update(self._step, energy - self._energy)
+
+    def _record_before_failure(self, origin: tuple[np.ndarray, np.ndarray]) -> None:
+        """Add the last good state as a row if it is none yet.
+
+        The steps since the row before are taken again: what the failed attempt cost must not count as theirs.
+        """
+        taken = self._step - self._plan.step_of(self._recorder.rows - 1)
+        if taken:
+            self._stepper.stats.reset()
+            q, p = origin
+            for _ in range(taken):
+                q, p = self._stepper.step(q, p)
+            self._recorder.add(self._step * self._plan.step_size, q, p, self._stepper.stats)
+
+    def _failure(self, why: str) -> str:
+        begin = self._step * self._plan.step_size
+        return f"{FAILED} in step {self._step + 1} (from time {begin:.9g}): {why}"
+
+    def _finish(self, outcome: str) -> xr.DataTree:
+        self._recorder.flush()
+        recorded = self._attributes if self._writer is None else self._writer.attributes
+        closing: dict[str, Any] = {
+            "backend_versions": provenance.backend_versions(self._stepper.backends, recorded["backend_versions"]),
+            "outcome": outcome,
+            "end": provenance.now(),
+        }
+        if self._writer is None:
+            closing["wall_time"] = time.perf_counter() - self._began
+            return build_tree(self._memory.collect(self._schema), self._attributes | closing)
+        closing["wall_time"] = self._writer.wall_time
+        keep = outcome.startswith(INTERRUPTED)
+        path = self._writer.close(closing, rename=None if keep else self._plan.output)
+        groups, attributes = netcdf.read(path)
+        return build_tree(groups, attributes)
+
+    def _advice(self, outcome: str) -> str:
+        if self._writer is None:
+            return f"{outcome}; the rows are in this exception's `run`, and nowhere else: there was no output."
+        return f"{outcome}; {self._recorder.rows} rows are in {self._writer.path}: resume to continue."
