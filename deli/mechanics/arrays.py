@@ -12,6 +12,9 @@ from deli.errors import InputError
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+TINY = np.finfo(np.float64).tiny
+"""Keeps a division by a length that may be zero finite."""
+
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
     """Return ``array`` itself with writing switched off."""

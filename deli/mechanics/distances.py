@@ -8,12 +8,19 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deli.mechanics.arrays import Array, Indices, body_indices, body_pairs, broadcast, positive_array, real_array
+from deli.mechanics.arrays import (
+    TINY,
+    Array,
+    Indices,
+    body_indices,
+    body_pairs,
+    broadcast,
+    positive_array,
+    real_array,
+)
 from deli.mechanics.constraints import ConstraintFamily
 from deli.mechanics.family import ArrayFamily, Invariance, Layout, chosen_bodies
 from deli.mechanics.pairs import Pairs
-
-TINY = np.finfo(np.float64).tiny
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +225,7 @@ class AnchoredRods(PointDistances):
 
 def lengths(x: Array) -> Array:
     """Return the euclidean length of each vector, shape (..., dimension) -> (...)."""
-    result: Array = np.sqrt(np.einsum("...i,...i->...", x, x))
+    result: Array = np.sqrt(np.vecdot(x, x))
     return result
 
 

@@ -15,6 +15,9 @@ from deli.mechanics.family import ArrayFamily, Invariance, Layout, outer_blocks
 from deli.mechanics.pairs import Pairs
 from deli.mechanics.potentials import PotentialFamily
 
+SMALLEST_LENGTH = 1e-150
+"""Stands in for the length of a spring whose ends coincide; times their difference, 0, it makes no force."""
+
 
 class PairPotential(ArrayFamily, PotentialFamily):
     """Sum over pairs of a function phi of the distance r = |q_i - q_j|, given through s = r^2."""
@@ -36,20 +39,23 @@ class PairPotential(ArrayFamily, PotentialFamily):
     def energy(self, q: Array) -> Any:
         """Return V, shape (...,), of configurations of shape (..., dof)."""
         x = self._pairs.separations(q)
-        return self._energy(np.einsum("...i,...i->...", x, x)).sum(-1)
+        return self._energy(np.vecdot(x, x)).sum(-1)
 
     def gradient(self, q: Array) -> Array:
         """Return the gradient of V at one configuration, shape (dof,)."""
         x = self._pairs.separations(q)
-        return self._pairs.gradient(self._slope(np.einsum("ij,ij->i", x, x))[:, None] * x)
+        return self._pairs.gradient(self._slope(np.vecdot(x, x))[:, None] * x)
 
     def hessian(self, q: Array) -> Array:
         """Return V'' at one configuration, shape (dof, dof)."""
         x = self._pairs.separations(q)
-        square = np.einsum("ij,ij->i", x, x)
-        slope = self._slope(square)
-        along = (self._curvature(square) - slope) / np.where(square > 0.0, square, 1.0)
-        identity = np.eye(self._pairs.dimension)
+        square = np.vecdot(x, x)
+        slope, curvature = self._slope(square), self._curvature(square)
+        if not square.all():  # no direction at coincident bodies: the same curvature in all of them
+            apart = square > 0.0
+            slope, square = np.where(apart, slope, curvature), np.where(apart, square, 1.0)
+        along = (curvature - slope) / square
+        identity = np.identity(self._pairs.dimension)
         return self._pairs.hessian(slope[:, None, None] * identity + along[:, None, None] * outer_blocks(x))
 
     def invariance(self) -> Invariance:
@@ -101,9 +107,8 @@ class Springs(PairPotential):
         return 0.5 * self._stiffness * stretch * stretch
 
     def _slope(self, square: Array) -> Array:
-        length = np.sqrt(square)
-        ratio = np.divide(self._rest_length, length, out=np.zeros_like(length), where=length > 0.0)
-        slope: Array = self._stiffness * (1.0 - ratio)
+        length = np.maximum(np.sqrt(square), SMALLEST_LENGTH)
+        slope: Array = self._stiffness - self._stiffness * self._rest_length / length
         return slope
 
     def _curvature(self, square: Array) -> Array:
@@ -149,16 +154,22 @@ class LennardJones(PairPotential):
         self._set(_pairs=pairs, _depth=4.0 * depth, _square=sigma * sigma)
 
     def _energy(self, square: Array) -> Array:
-        sixth = (self._square / square) ** 3
+        sixth = _cube(self._square / square)
         energy: Array = self._depth * sixth * (sixth - 1.0)
         return energy
 
     def _slope(self, square: Array) -> Array:
-        sixth = (self._square / square) ** 3
+        sixth = _cube(self._square / square)
         slope: Array = self._depth * sixth * (6.0 - 12.0 * sixth) / square
         return slope
 
     def _curvature(self, square: Array) -> Array:
-        sixth = (self._square / square) ** 3
+        sixth = _cube(self._square / square)
         curvature: Array = self._depth * sixth * (156.0 * sixth - 42.0) / square
         return curvature
+
+
+def _cube(x: Array) -> Array:
+    # numpy's power is slower than two products
+    cube: Array = x * x * x
+    return cube

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy import sparse
 
@@ -11,11 +9,11 @@ from deli.mechanics.arrays import Array, Indices, body_pairs, check_range, froze
 from deli.mechanics.family import Layout
 
 LARGEST_DENSE = 40_000
-"""Entries up to which an incidence matrix is faster dense than sparse."""
+"""Entries up to which the matrix of differences is faster dense than sparse."""
 
 
 class Pairs:
-    """Incidence of pairs (i, j) with bodies, shape of space included.
+    """Pairs (i, j) of a layout's bodies, and the matrix D of differences, D q = (q_i - q_j) over all pairs.
 
     Parameters
     ----------
@@ -34,43 +32,52 @@ class Pairs:
         check_range(name, pairs, layout.bodies)
         self.first: Indices = frozen(np.ascontiguousarray(pairs[:, 0]))
         self.second: Indices = frozen(np.ascontiguousarray(pairs[:, 1]))
-        self.count = len(pairs)
-        self.bodies, self.dimension = layout.bodies, layout.dimension
-        self._rows = frozen(np.arange(self.count))
-        number = self._rows
-        one = np.ones(self.count)
-        ends = np.concatenate([self.first, self.second])
-        self._scatter = _incidence(ends, np.tile(number, 2), np.concatenate([one, -one]), self.bodies, self.count)
-        i, j, n = self.first, self.second, self.bodies
-        cells = np.concatenate([i * n + i, j * n + j, i * n + j, j * n + i])
-        signs = np.concatenate([one, one, -one, -one])
-        self._scatter_blocks = _incidence(cells, np.tile(number, 4), signs, n * n, self.count)
+        self.count, self.dimension, self.dof = len(pairs), layout.dimension, layout.dof
+        axes, size = np.arange(self.dimension), self.count * self.dimension
+        columns = np.stack([pairs[:, :1] * self.dimension + axes, pairs[:, 1:] * self.dimension + axes])
+        signs = np.repeat([1.0, -1.0], size)
+        rows = np.tile(np.arange(size), 2)
+        self._sparse = sparse.csr_array((signs, (rows, columns.reshape(-1))), shape=(size, self.dof))
+        self._dense: Array | None = None
+        if size * self.dof <= LARGEST_DENSE:
+            self._dense = frozen(self._sparse.toarray())
+            self._blocks = self._dense.reshape(self.count, self.dimension, self.dof)
+            self._transposed = self._dense.T
 
     def separations(self, q: Array) -> Array:
-        """Return q_i - q_j, shape (..., pairs, dimension)."""
-        x = q.reshape(*q.shape[:-1], self.bodies, self.dimension)
-        difference: Array = x.take(self.first, axis=-2) - x.take(self.second, axis=-2)
+        """Return q_i - q_j, shape (..., dof) -> (..., pairs, dimension)."""
+        shape = (*q.shape[:-1], self.count, self.dimension)
+        if self._dense is not None:
+            difference: Array = (q @ self._transposed).reshape(shape)
+            return difference
+        x = q.reshape(*q.shape[:-1], -1, self.dimension)
+        difference = x.take(self.first, axis=-2) - x.take(self.second, axis=-2)
         return difference
 
     def gradient(self, forces: Array) -> Array:
         """Add +forces at i and -forces at j, shape (pairs, dimension) -> (dof,)."""
-        total: Array = self._scatter @ forces
-        return total.reshape(-1)
+        if self._dense is not None:
+            return forces.reshape(-1) @ self._dense
+        total: Array = self._sparse.T @ forces.reshape(-1)
+        return total
 
     def hessian(self, blocks: Array) -> Array:
-        """Add the second derivative in q_i - q_j of each pair, (pairs, d, d) -> (dof, dof)."""
-        n, d = self.bodies, self.dimension
-        cells: Array = self._scatter_blocks @ blocks.reshape(self.count, d * d)
-        return cells.reshape(n, n, d, d).swapaxes(1, 2).reshape(n * d, n * d)
+        """Add each pair's second derivative in q_i - q_j, shape (pairs, dimension, dimension) -> (dof, dof)."""
+        if self._dense is not None:
+            total: Array = self._transposed @ (blocks @ self._blocks).reshape(-1, self.dof)
+            return total
+        number = np.arange(self.count + 1)
+        diagonal = sparse.bsr_array((blocks, number[:-1], number))
+        total = (self._sparse.T @ diagonal @ self._sparse).toarray()
+        return total
 
     def jacobian(self, directions: Array) -> Array:
-        """Put each pair's direction in its row, + at i and - at j, (pairs, d) -> (pairs, dof)."""
-        rows = np.zeros((self.count, self.bodies, self.dimension))
-        rows[self._rows, self.first] = directions
-        rows[self._rows, self.second] = -directions
-        return rows.reshape(self.count, self.bodies * self.dimension)
-
-
-def _incidence(rows: Indices, columns: Indices, values: Array, height: int, width: int) -> Any:
-    matrix = sparse.csr_array((values, (rows, columns)), shape=(height, width))
-    return matrix if height * width > LARGEST_DENSE else frozen(matrix.toarray())
+        """Put each pair's direction in its row, + at i and - at j, shape (pairs, dimension) -> (pairs, dof)."""
+        if self._dense is not None:
+            rows: Array = (directions[:, None, :] @ self._blocks)[:, 0]
+            return rows
+        rows = np.zeros((self.count, self.dof // self.dimension, self.dimension))
+        number = np.arange(self.count)
+        rows[number, self.first] = directions
+        rows[number, self.second] = -directions
+        return rows.reshape(self.count, self.dof)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deli.errors import InputError
-from deli.mechanics.arrays import Array, Indices, body_indices, broadcast, real_array
+from deli.mechanics.arrays import TINY, Array, Indices, body_indices, broadcast, real_array
 from deli.mechanics.family import (
     ArrayFamily,
     Family,
@@ -112,6 +112,7 @@ class RadialPowers(ArrayFamily, PotentialFamily):
     _centre: Array = field(init=False, repr=False)
     _first: Array = field(init=False, repr=False)
     _second: Array = field(init=False, repr=False)
+    _halved: Array = field(init=False, repr=False)
 
     def _read(self) -> None:
         c = np.atleast_1d(real_array("coefficients of RadialPowers", self.coefficients))
@@ -122,7 +123,7 @@ class RadialPowers(ArrayFamily, PotentialFamily):
                 "pass two lists of one length"
             )
         self._set(coefficients=c, exponents=e, centre=real_array("centre of RadialPowers", self.centre))
-        self._set(_first=c * e, _second=c * e * (e - 2.0))
+        self._set(_first=c * e, _second=c * e * (e - 2.0), _halved=0.5 * e - 1.0)
         if self.bodies is not None:
             self._set(bodies=body_indices("bodies of RadialPowers", self.bodies, distinct=True))
 
@@ -134,8 +135,11 @@ class RadialPowers(ArrayFamily, PotentialFamily):
 
     def _offsets(self, q: Array) -> tuple[Array, Array]:
         layout = self.bound
-        x = q.reshape(*q.shape[:-1], layout.bodies, layout.dimension).take(self._index, axis=-2) - self._centre
-        return x, np.einsum("...i,...i->...", x, x)
+        x = q.reshape(*q.shape[:-1], layout.bodies, layout.dimension)
+        if self.bodies is not None:
+            x = x.take(self._index, axis=-2)
+        x = x - self._centre
+        return x, np.vecdot(x, x)
 
     def energy(self, q: Array) -> Any:
         """Return V, shape (...,), of configurations of shape (..., dof)."""
@@ -145,20 +149,24 @@ class RadialPowers(ArrayFamily, PotentialFamily):
     def gradient(self, q: Array) -> Array:
         """Return the gradient of V at one configuration, shape (dof,)."""
         x, square = self._offsets(q)
-        slope = square[:, None] ** (0.5 * np.asarray(self.exponents) - 1.0) @ self._first
-        total = np.zeros((self.bound.bodies, self.bound.dimension))
-        total[self._index] = slope[:, None] * x
-        return total.reshape(-1)
+        slope = square[:, None] ** self._halved @ self._first
+        forces: Array = slope[:, None] * x
+        if self.bodies is not None:
+            layout = self.bound
+            total = np.zeros((layout.bodies, layout.dimension))
+            total[self._index] = forces
+            return total.reshape(-1)
+        return forces.reshape(-1)
 
     def hessian(self, q: Array) -> Array:
         """Return V'' at one configuration, shape (dof, dof)."""
         layout = self.bound
         n, d = layout.bodies, layout.dimension
         x, square = self._offsets(q)
-        powers = square[:, None] ** (0.5 * np.asarray(self.exponents) - 1.0)
-        along = (powers @ self._second) / np.where(square > 0.0, square, 1.0)
+        powers = square[:, None] ** self._halved
+        along = (powers @ self._second) / np.maximum(square, TINY)
         total = np.zeros((n, d, n, d))
-        total[self._index, :, self._index, :] = (powers @ self._first)[:, None, None] * np.eye(d) + along[
+        total[self._index, :, self._index, :] = (powers @ self._first)[:, None, None] * np.identity(d) + along[
             :, None, None
         ] * outer_blocks(x)
         return total.reshape(n * d, n * d)
@@ -206,12 +214,14 @@ class PotentialSum(PotentialFamily):
 
     def hessian(self, q: Array) -> Array | None:
         """Return V'' at one configuration, shape (dof, dof), or None where one of the potentials has none."""
-        total = np.zeros((q.size, q.size))
-        for family in self.families:
+        if not self.families:
+            return np.zeros((q.size, q.size))
+        total = self.families[0].hessian(q)
+        for family in self.families[1:]:
             hessian = family.hessian(q)
-            if hessian is None:
+            if total is None or hessian is None:
                 return None
-            total += hessian
+            total = total + hessian
         return total
 
     def invariance(self) -> Invariance:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deli.errors import InputError
-from deli.mechanics.arrays import Array, positive_number, real_number, whole_number
+from deli.mechanics.arrays import Array, positive_number, real_array, real_number, whole_number
 from deli.mechanics.distances import Rods, SpheresApart, SpheresInside
 from deli.mechanics.pair_potentials import LennardJones
 from deli.mechanics.scene import Scene
@@ -82,10 +82,11 @@ def lennard_jones(
         bilateral=[Rods(pairs=np.stack([number[:-1], number[1:]], axis=1), length=length)],
         dimension=3,
     )
-    if momentum is None:
-        pattern = np.stack([np.cos(2.0 * number), np.sin(3.0 * number), np.cos(number + 1.0)], axis=1)
-        momentum = _along_rods_removed(at_rest, real_number("speed of lennard_jones", speed) * pattern.reshape(-1))
-    return dataclasses.replace(at_rest, momentum=momentum)  # type: ignore[call-arg]
+    if momentum is not None:
+        return dataclasses.replace(at_rest, momentum=real_array("momentum", momentum))
+    pattern = np.stack([np.cos(2.0 * number), np.sin(3.0 * number), np.cos(number + 1.0)], axis=1)
+    velocity = real_number("speed of lennard_jones", speed) * pattern.reshape(-1)
+    return dataclasses.replace(at_rest, momentum=_stretching_removed(at_rest, velocity))
 
 
 def _rise(rise: float, length: float) -> float:
@@ -106,7 +107,7 @@ def _helix(spheres: int, length: float, turn: float, rise: float) -> Array:
     return centred
 
 
-def _along_rods_removed(at_rest: Scene, velocity: Array) -> Array:
+def _stretching_removed(at_rest: Scene, velocity: Array) -> Array:
     jacobian = at_rest.bilateral.jacobian(at_rest.position)
     momentum = at_rest.mass * velocity
     multipliers = np.linalg.solve(jacobian / at_rest.mass @ jacobian.T, jacobian @ velocity)

@@ -29,8 +29,9 @@ def newtons_cradle(
     """Return a row of touching pendulums in the plane, the leftmost ones pulled back, at rest (section 8.1.1).
 
     Pivots are 2 radius apart on a horizontal line centred at the origin; each ball hangs on a rod,
-    f_i(q) = |q_i - pivot_i| - length = 0 (8.6), and neighbours do not overlap, g(q) = |q_i - q_j| - 2 radius >= 0 (8.7).
-    Pulled balls touch each other, and so do those that hang. The paper does not state gravity; 9.8 as elsewhere.
+    f_i(q) = |q_i - pivot_i| - length = 0 (8.6), and neighbours do not overlap,
+    g(q) = |q_i - q_j| - 2 radius >= 0 (8.7). Pulled balls touch each other, and so do those that hang. The paper
+    states neither gravity (9.8, as elsewhere) nor the duration (60 time units).
 
     Parameters
     ----------
