@@ -1,0 +1,32 @@
+"""Compile a parametrized cvxpy problem once, solve it many times with any backend."""
+
+from solvers.backends.base import Answer, Backend
+from solvers.compiled import CompiledProblem, compile
+from solvers.errors import NotInstalledError, ParameterError, SolverError, UnknownBackendError
+from solvers.program import Matrix, QuadraticProgram
+from solvers.registry import BackendInfo, available, backends, members, register, unregister
+from solvers.solution import Solution, Status
+
+PROJECT = "deli"
+
+__all__ = [
+    "PROJECT",
+    "Answer",
+    "Backend",
+    "BackendInfo",
+    "CompiledProblem",
+    "Matrix",
+    "NotInstalledError",
+    "ParameterError",
+    "QuadraticProgram",
+    "Solution",
+    "SolverError",
+    "Status",
+    "UnknownBackendError",
+    "available",
+    "backends",
+    "compile",
+    "members",
+    "register",
+    "unregister",
+]

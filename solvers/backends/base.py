@@ -1,0 +1,77 @@
+"""What an adapter is."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from solvers.errors import SolverError
+from solvers.program import QuadraticProgram
+from solvers.solution import Status
+
+
+class Answer(NamedTuple):
+    """What a solver said.
+
+    Attributes
+    ----------
+    x, y : ndarray
+        Point and multipliers in the standard form of `solvers.program`; the caller keeps them, so they must be
+        the solver's no longer.
+    claimed : Status
+        The solver's own word.
+    iterations : int
+        Its own count.
+    message : str
+        Its own status text.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    claimed: Status
+    iterations: int
+    message: str
+
+
+class Backend(ABC):
+    """A solver attached to one program.
+
+    The answer must be a function of the program's current numbers alone: no warm start, no scaling and no step
+    size left over from earlier numbers, unless the option ``warm_start=True`` asks for it.
+
+    Parameters
+    ----------
+    program : QuadraticProgram
+        Rewritten in place between solves.
+    tolerance : float
+        Bound on the scaled KKT residuals of `solvers.residuals`.
+    options : Mapping
+        The solver's own settings, by its own names; they win over everything the adapter chooses.
+    """
+
+    name: ClassVar[str]
+
+    @abstractmethod
+    def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None: ...
+
+    @abstractmethod
+    def update(self) -> None:
+        """Hand the program's current numbers to the solver."""
+
+    @abstractmethod
+    def solve(self) -> Answer:
+        """Solve for the numbers handed over last."""
+
+
+def refuse_unknown(backend: str, options: Mapping[str, Any], allowed: Iterable[str]) -> None:
+    """Raise if an option is not one of the solver's settings."""
+    names = set(allowed)
+    for option in options:
+        if option not in names:
+            raise SolverError(f"{backend} has no option {option!r}; allowed: {', '.join(sorted(names))}")
+
+
+def settings_of(obj: Any) -> list[str]:
+    """Names of the writable fields of a vendor's settings object."""
+    return [name for name in dir(obj) if not name.startswith("_") and not callable(getattr(obj, name))]

@@ -1,0 +1,228 @@
+"""A problem compiled once and solved many times."""
+
+import math
+from collections.abc import Mapping
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import sparse
+
+from solvers import registry
+from solvers.backends.base import Answer, Backend
+from solvers.errors import ParameterError, SolverError
+from solvers.polish import Polish
+from solvers.residuals import Residuals
+from solvers.solution import Solution, Status
+
+NO_POINT = (Status.INFEASIBLE, Status.UNBOUNDED)
+
+if TYPE_CHECKING:
+    import cvxpy
+
+    from solvers.canonical import Canonical
+
+
+def compile(
+    problem: "cvxpy.Problem", backend: str = "auto", tolerance: float = 1e-9, polish: bool = False, **options: Any
+) -> "CompiledProblem":
+    """Canonicalize a cvxpy problem once, for many solves with changing Parameters.
+
+    Parameters
+    ----------
+    problem : cvxpy.Problem
+        A convex quadratic program that follows disciplined parametrized programming (DPP).
+    backend : str
+        One of `solvers.backends`, ``"auto"`` (daqp, then piqp), or ``"cvxpy:SOLVER"`` for any solver cvxpy has.
+    tolerance : float
+        Bound on the scaled KKT residuals (`solvers.residuals`); means the same for every backend.
+    polish : bool
+        Refine each answer by solving the linear system of its active set (`solvers.polish`).
+    **options
+        The backend's own settings, by its own names. For a chain, one mapping per member, by its name.
+
+    Returns
+    -------
+    CompiledProblem
+
+    Raises
+    ------
+    SolverError
+        If the problem, the backend or an option cannot be used.
+    """
+    if not 0.0 < tolerance < 1.0:
+        raise SolverError(f"tolerance is {tolerance!r}; allowed: a number between 0 and 1, such as 1e-9")
+    members = registry.members(backend)
+    if backend in registry.CHAINS:
+        for name in options:
+            if name not in members:
+                raise SolverError(f"{backend} has no option {name!r}; allowed: one mapping for {', '.join(members)}")
+        table = {name: dict(options.get(name, {})) for name in members}
+    else:
+        table = {backend: options}
+    from solvers.canonical import canonicalize  # cvxpy takes a second to import
+
+    return CompiledProblem(canonicalize(problem), backend, tolerance, polish, table)
+
+
+class CompiledProblem:
+    """What `solvers.compile` returns.
+
+    Attributes
+    ----------
+    parameters : dict of str to ndarray
+        Writable views of the parameter values, in each Parameter's shape. Of a symmetric Parameter the upper
+        triangle is used, of a diagonal or sparse one the declared entries.
+    backend : str
+        The name asked for.
+    tolerance : float
+        Bound on the residuals of an answer called solved.
+    """
+
+    __slots__ = (
+        "_canonical", "_dual", "_map", "_members", "_options", "_polish", "_primal", "_residuals", "_solvers", "_zeros",
+        "backend", "parameters", "program", "tolerance",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        canonical: "Canonical",
+        backend: str,
+        tolerance: float,
+        polish: bool,
+        options: Mapping[str, Mapping[str, Any]],
+    ) -> None:
+        self.parameters = canonical.views
+        self.program = canonical.map.program
+        self.backend = backend
+        self.tolerance = tolerance
+        self._map = canonical.map
+        self._zeros = np.zeros_like(canonical.map.theta)
+        self._primal, self._dual = canonical.primal, canonical.dual
+        self._residuals = Residuals(self.program)
+        self._canonical = canonical
+        self._members = tuple(options)
+        self._options = options
+        self._polish = Polish(self.program) if polish else None
+        self._solvers: list[Backend] = []
+        self._attach(0)
+
+    def solve(self, **parameters: Any) -> Solution:
+        """Solve for new parameter values.
+
+        Parameters
+        ----------
+        **parameters
+            Values by Parameter name; one that is not given keeps its last value (at first zero).
+
+        Returns
+        -------
+        Solution
+            A function of the parameter values alone, bit for bit.
+
+        Raises
+        ------
+        ParameterError
+            If a name is unknown or a value has another shape or is not finite.
+        """
+        start = perf_counter()
+        views = self.parameters
+        for name, value in parameters.items():
+            view = views.get(name)
+            if view is None:
+                raise ParameterError(f"unknown parameter {name!r}; allowed: {', '.join(views) or 'none'}")
+            if type(value) is not np.ndarray:
+                value = value.toarray() if sparse.issparse(value) else np.asarray(value, dtype=float)
+            if value.shape != view.shape:
+                raise ParameterError(f"parameter {name!r} has shape {value.shape}; allowed: {view.shape}")
+            view[...] = value
+        if self._map.theta.dot(self._zeros) != 0.0:  # nan and inf are the only numbers that survive
+            self._refuse_not_finite()
+        self._map.apply()
+        setup_time = solve_time = 0.0
+        for member in range(len(self._members)):
+            before = perf_counter()
+            solver = self._solvers[member] if member < len(self._solvers) else self._attach(member)
+            solver.update()
+            ready = perf_counter()
+            answer = solver.solve()
+            after = perf_counter()
+            setup_time += ready - before
+            solve_time += after - ready
+            status, answer, polished = self._judge(answer)
+            if status is Status.SOLVED:
+                break
+        return self._report(answer, status, polished, member, start, setup_time, solve_time)
+
+    def _judge(self, answer: Answer) -> tuple[Status, Answer, bool]:
+        """Decide on the residuals what the answer is worth, after polishing it if asked to."""
+        worst = self._residuals.compute(answer.x, answer.y)
+        claimed = answer.claimed
+        if self._polish is not None and claimed not in NO_POINT and not math.isnan(worst):
+            better = self._polish.improve(answer.x, answer.y)
+            if better is not None:
+                worst = self._residuals.compute(*better)
+                status = Status.SOLVED if worst <= self.tolerance else Status.INACCURATE
+                return status, answer._replace(x=better[0], y=better[1]), True
+        if claimed is Status.SOLVED or claimed is Status.INACCURATE:
+            if math.isnan(worst):
+                return Status.FAILED, answer, False
+            return (Status.SOLVED if worst <= self.tolerance else Status.INACCURATE), answer, False
+        return claimed, answer, False
+
+    def _report(
+        self,
+        answer: Answer,
+        status: Status,
+        polished: bool,
+        member: int,
+        start: float,
+        setup_time: float,
+        solve_time: float,
+    ) -> Solution:
+        x, y = answer.x, answer.y
+        if answer.claimed in NO_POINT:
+            x, y = np.full(self.program.variables, np.nan), np.full(self.program.rows, np.nan)
+        primal = {}
+        for name, place, shape in self._primal:
+            value = x[place]
+            primal[name] = value if shape is None else value.reshape(shape, order="F")
+        dual = []
+        for place, shape in self._dual:
+            value = y[place]
+            dual.append(value if shape is None else value.reshape(shape, order="F"))
+        residuals = self._residuals
+        return Solution(
+            primal,
+            dual,
+            status,
+            answer.claimed,
+            self._members[member],
+            answer.iterations,
+            member,
+            polished,
+            setup_time,
+            solve_time,
+            perf_counter() - start - setup_time - solve_time,
+            residuals.primal,
+            residuals.dual,
+            residuals.complementarity,
+            answer.message,
+        )
+
+    def _attach(self, member: int) -> Backend:
+        """Set up a member of the chain, when it is first needed."""
+        name = self._members[member]
+        if name.startswith(registry.REFERENCE):
+            from solvers.backends.reference import Reference
+
+            solver: Backend = Reference(self._canonical, name, self.tolerance, self._options[name])
+        else:
+            solver = registry.factory(name)(self.program, self.tolerance, self._options[name])
+        self._solvers.append(solver)
+        return solver
+
+    def _refuse_not_finite(self) -> None:
+        for name, view in self.parameters.items():
+            if not np.isfinite(view).all():
+                raise ParameterError(f"parameter {name!r} holds nan or inf; allowed: finite numbers")

@@ -1,0 +1,135 @@
+"""Refine an answer by solving the linear system of its active set."""
+
+import numpy as np
+from scipy.linalg import cho_factor, lstsq, solve_triangular
+from scipy.optimize import nnls
+
+from solvers.program import QuadraticProgram
+
+ROUNDS = 10  # corrections of the guess; a solver's answer needs one or two
+ROUNDOFF = 1e-13  # relative size below which a multiplier or slack of the wrong sign is taken for zero
+
+
+class Polish:
+    r"""Active-set polish of answers to one program.
+
+    An inequality row is guessed active where its multiplier exceeds its slack. With W the equality rows and the
+    rows guessed active, the point and the multipliers of least norm that solve
+
+    .. math:: P x + q + A_W^T y_W = 0, \qquad A_W x = u_W
+
+    are found through a singular value decomposition, since the rows may be dependent. Where a multiplier of
+    least norm is negative, nonnegative least squares looks for a nonnegative representation of the same force.
+    Rows that are violated then enter W and the row with the most negative multiplier leaves it, and so on for a
+    few rounds. A result is accepted only if it lowers the natural residual
+
+    .. math:: \max(|P x + q + A^T y|, \; |A_e x - u_e|, \; |\min(y_i, u_i - A_i x)|),
+
+    each term scaled as in `solvers.residuals`. Unlike the products of multiplier and slack it sees the error of
+    the square root of the tolerance that interior-point methods leave where both vanish.
+    """
+
+    def __init__(self, program: QuadraticProgram) -> None:
+        self.program = program
+
+    def improve(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return a better (x, y), or None if none was found."""
+        program = self.program
+        system = _System(program)
+        equal = np.arange(program.rows) < program.equalities
+        active = equal | (y > program.upper - system.A @ x)
+        best, lowest = None, system.natural_residual(x, y)
+        tried = set()
+        for _ in range(ROUNDS):
+            tried.add(active.tobytes())
+            point, multipliers = system.solve(active, x)
+            residual = system.natural_residual(point, multipliers)
+            if residual < lowest:
+                best, lowest = (point, multipliers), residual
+            slack = program.upper - system.A @ point
+            size = 1.0 + np.abs(program.upper).max(initial=0.0)
+            entering = ~active & (slack < -ROUNDOFF * size)
+            releasable = np.where(active & ~equal, multipliers, 0.0)
+            active = active | entering
+            if releasable.min(initial=0.0) < 0.0:
+                active[np.argmin(releasable)] = False
+            if active.tobytes() in tried:
+                break
+        return best
+
+
+class _System:
+    """The linear algebra of one program's numbers."""
+
+    def __init__(self, program: QuadraticProgram) -> None:
+        self.equalities = program.equalities
+        self.q, self.u = program.linear, program.upper
+        self.P, self.A = program.quadratic.to_dense(), program.matrix.to_dense()
+        try:
+            self.factor: np.ndarray | None = np.tril(cho_factor(self.P, lower=True)[0])
+        except np.linalg.LinAlgError:
+            self.factor = None  # P is only semidefinite: solve the whole system instead
+        else:
+            diagonal = self.factor.diagonal()
+            if diagonal.min() < 1e-7 * diagonal.max():
+                self.factor = None
+
+    def natural_residual(self, x: np.ndarray, y: np.ndarray) -> float:
+        e = self.equalities
+        px, ax, aty = self.P @ x, self.A @ x, self.A.T @ y
+        dual = np.abs(px + self.q + aty).max() / (1.0 + max(np.abs(t).max() for t in (px, self.q, aty)))
+        slack = self.u - ax
+        natural = np.concatenate((slack[:e], np.minimum(y[e:], slack[e:])))
+        size = 1.0 + max(np.abs(t).max(initial=0.0) for t in (ax, self.u))
+        return float(max(dual, np.abs(natural).max(initial=0.0) / size))
+
+    def solve(self, active: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Solve the equality-constrained program; the point nearest to `near` if there are several."""
+        rows, target = self.A[active], self.u[active]
+        if self.factor is None:
+            x, multipliers = self._solve_whole(rows, target, near)
+        else:
+            x, multipliers = self._solve_projected(rows, target)
+        free = np.flatnonzero(active) < self.equalities
+        if np.any(multipliers[~free] < 0.0):
+            multipliers = self._nonnegative(rows, x, multipliers, free)
+        y = np.zeros(self.u.size)
+        y[active] = multipliers
+        return x, y
+
+    def _solve_projected(self, rows: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """In coordinates z = L'x the program is the projection of -L^-1 q onto an affine space."""
+        L = self.factor
+        z = -solve_triangular(L, self.q, lower=True)
+        multipliers = np.zeros(target.size)
+        if target.size:
+            U, sigma, Vt = np.linalg.svd(solve_triangular(L, rows.T, lower=True), full_matrices=False)
+            kept = sigma > 1e-13 * max(sigma[0], np.finfo(float).tiny)
+            U, sigma, Vt = U[:, kept], sigma[kept], Vt[kept]
+            for _ in range(2):  # the second pass removes the rounding error of the first
+                x = solve_triangular(L, z, lower=True, trans="T")
+                step = (Vt @ (target - rows @ x)) / sigma
+                z = z + U @ step
+                multipliers = multipliers - Vt.T @ (step / sigma)
+        x = solve_triangular(L, z, lower=True, trans="T")
+        return x, multipliers
+
+    def _solve_whole(self, rows: np.ndarray, target: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        n, w = self.q.size, target.size
+        system = np.block([[self.P, rows.T], [rows, np.zeros((w, w))]])
+        right = np.concatenate((-(self.P @ near + self.q), target - rows @ near))
+        answer = lstsq(system, right, cond=1e-13)[0]
+        answer = answer + lstsq(system, right - system @ answer, cond=1e-13)[0]
+        return near + answer[:n], answer[n:]
+
+    def _nonnegative(self, rows: np.ndarray, x: np.ndarray, multipliers: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """Represent the force of the multipliers with nonnegative ones on inequality rows, if that is possible."""
+        force = -(self.P @ x + self.q)
+        columns = np.hstack((rows.T, -rows.T[:, free]))
+        parts, _ = nnls(columns, force)
+        represented = parts[: free.size].copy()
+        represented[free] -= parts[free.size :]
+        size = 1.0 + np.abs(force).max()
+        if np.abs(rows.T @ represented - force).max() <= ROUNDOFF * size:
+            return represented
+        return multipliers

@@ -1,0 +1,71 @@
+"""What a solve returns."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+
+class Status(StrEnum):
+    """Outcome of a solve; only ``SOLVED`` means that the answer was verified."""
+
+    SOLVED = "solved"
+    INACCURATE = "inaccurate"
+    INFEASIBLE = "infeasible"
+    UNBOUNDED = "unbounded"
+    ITERATION_LIMIT = "iteration_limit"
+    TIME_LIMIT = "time_limit"
+    FAILED = "failed"
+
+
+@dataclass(slots=True, eq=False)
+class Solution:
+    """Answer to one solve, with residuals recomputed from the answer itself.
+
+    Attributes
+    ----------
+    primal : dict of str to ndarray
+        Value of each cvxpy Variable by name, in the Variable's shape; nan where there is no answer.
+    dual : list of ndarray
+        Multipliers in the order of ``problem.constraints``, each in its constraint's shape and with cvxpy's
+        sign: nonnegative for inequalities; for an equality ``F v == d`` the Lagrangian has ``+ y.(F v - d)``.
+    status : Status
+        The verdict on the residuals below: ``SOLVED`` if they are all within the tolerance.
+    claimed : Status
+        The vendor's own word.
+    backend : str
+        Who solved it; a member of the chain where the backend asked for is a chain.
+    iterations : int
+        Iterations the vendor reports.
+    fallbacks : int
+        How many members of a chain failed before this one.
+    polished : bool
+        Whether the active-set polish replaced the vendor's answer.
+    setup_time, solve_time, overhead_time : float
+        Seconds spent handing over the data, in the solver, and in everything else.
+    primal_residual, dual_residual, complementarity : float
+        Scaled KKT residuals, defined in `solvers.residuals.Residuals`.
+    message : str
+        The vendor's status text.
+    """
+
+    primal: dict[str, np.ndarray]
+    dual: list[np.ndarray]
+    status: Status
+    claimed: Status
+    backend: str
+    iterations: int
+    fallbacks: int
+    polished: bool
+    setup_time: float
+    solve_time: float
+    overhead_time: float
+    primal_residual: float
+    dual_residual: float
+    complementarity: float
+    message: str
+
+    @property
+    def ok(self) -> bool:
+        """Whether the answer was verified to the tolerance."""
+        return self.status is Status.SOLVED

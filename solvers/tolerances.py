@@ -1,0 +1,43 @@
+"""What one tolerance means to each solver: the table, and the limits on every call.
+
+`tolerance` bounds the scaled KKT residuals of `solvers.residuals`. Each solver tests other norms; the factors
+below make its own test at least as strict, so that a claimed success stands up to ours.
+"""
+
+from typing import Any
+
+# Setting of the solver: factor applied to the tolerance.
+TOLERANCES: dict[str, dict[str, float]] = {
+    "clarabel": {"tol_feas": 0.1, "tol_gap_abs": 0.1, "tol_gap_rel": 0.1},
+    "daqp": {"primal_tol": 0.1, "dual_tol": 0.01},
+    "highs": {"primal_feasibility_tolerance": 0.1, "dual_feasibility_tolerance": 0.1},
+    "osqp": {"eps_abs": 0.1, "eps_rel": 0.1},
+    "piqp": {"eps_abs": 0.1, "eps_rel": 0.1, "eps_duality_gap_abs": 0.1, "eps_duality_gap_rel": 0.1},
+    "proxqp": {"eps_abs": 0.1, "eps_rel": 0.1, "eps_duality_gap_abs": 0.1, "eps_duality_gap_rel": 0.1},
+    "qoco": {"abstol": 0.1, "reltol": 0.1},
+    "qpalm": {"eps_abs": 0.1, "eps_rel": 0.1, "eps_prim_inf": 0.1, "eps_dual_inf": 0.1},
+    "scs": {"eps_abs": 0.1, "eps_rel": 0.1},
+}
+
+# Smallest value a setting may take, where the solver has a floor.
+FLOORS: dict[str, float] = {"highs": 1e-10}
+
+# Setting of the solver: limit. Iterations, which do not depend on the clock, wherever the solver counts them.
+LIMITS: dict[str, dict[str, Any]] = {
+    "clarabel": {"max_iter": 200},
+    "daqp": {"iter_limit": 10_000},
+    "highs": {"qp_iteration_limit": 10_000, "simplex_iteration_limit": 10_000, "time_limit": 10.0},
+    "osqp": {"max_iter": 100_000},
+    "piqp": {"max_iter": 250},
+    "proxqp": {"max_iter": 1000, "max_iter_in": 1500},
+    "qoco": {"max_iters": 200},
+    "qpalm": {"max_iter": 10_000},
+    "scs": {"max_iters": 100_000},
+}
+
+
+def settings(backend: str, tolerance: float) -> dict[str, Any]:
+    """Return a solver's settings for a tolerance, with its limits."""
+    floor = FLOORS.get(backend, 0.0)
+    scaled = {name: max(factor * tolerance, floor) for name, factor in TOLERANCES[backend].items()}
+    return {**scaled, **LIMITS[backend]}
