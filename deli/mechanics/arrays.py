@@ -79,6 +79,18 @@ def broadcast(name: str, array: Array, shape: tuple[int, ...], per: str) -> Arra
         raise InputError(f"{name}: found shape {array.shape}; pass one value {per}, shape {shape}") from None
 
 
+def one_vector_each(name: str, array: Array, rows: int, dimension: int) -> Array:
+    """Repeat one vector of length ``dimension`` for every row, or take one a row; a lone 0 is the zero vector."""
+    if array.ndim == 0 and (dimension == 1 or not array.any()):
+        return frozen(np.full((rows, dimension), float(array)))
+    if array.shape in {(dimension,), (rows, dimension)}:
+        return frozen(np.broadcast_to(array, (rows, dimension)).copy())
+    raise InputError(
+        f"{name}: found shape {array.shape}; pass one vector of length {dimension}, or one a row, "
+        f"shape ({rows}, {dimension})"
+    )
+
+
 def body_indices(name: str, value: ArrayLike, distinct: bool = False) -> Indices:
     """Read body numbers (counted from 0) as a read-only vector, refusing repeated ones if ``distinct``."""
     found = np.asarray(value)

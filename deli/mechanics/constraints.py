@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deli.errors import InputError
-from deli.mechanics.arrays import Array, Indices, body_indices, broadcast, real_array
+from deli.mechanics.arrays import Array, Indices, body_indices, broadcast, one_vector_each, real_array
 from deli.mechanics.family import ArrayFamily, Family, Invariance, Layout, chosen_bodies, common_invariance
 
 
@@ -71,7 +71,7 @@ class Planes(ArrayFamily, ConstraintFamily):
     def _prepare(self, layout: Layout) -> None:
         index = chosen_bodies("bodies of Planes", self.bodies, layout)
         shape = (index.size, layout.dimension)
-        normals = broadcast("normals of Planes", np.asarray(self.normals), shape, "for each row and axis")
+        normals = one_vector_each("normals of Planes", np.asarray(self.normals), *shape)
         flat = np.flatnonzero(~normals.any(axis=1))
         if flat.size:
             raise InputError(f"normals of Planes: row {int(flat[0])} is zero; a normal must not be zero")

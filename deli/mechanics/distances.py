@@ -15,6 +15,7 @@ from deli.mechanics.arrays import (
     body_indices,
     body_pairs,
     broadcast,
+    one_vector_each,
     positive_array,
     real_array,
 )
@@ -135,7 +136,7 @@ class PointDistances(ArrayFamily, ConstraintFamily):
         shape = (index.size, layout.dimension)
         target, point = getattr(self, self._target), getattr(self, self._point)
         targets = broadcast(f"{self._target} of {name}", target, shape[:1], "for each body")
-        points = broadcast(f"{self._point} of {name}", point, shape, "for each body and axis")
+        points = one_vector_each(f"{self._point} of {name}", point, *shape)
         self._set(rows=index.size, _index=index, _row_numbers=np.arange(index.size))
         self._set(_points=points, _targets=targets)
 

@@ -144,8 +144,8 @@ class ArrayFamily(Family):
         return f"{name} is not bound to a scene yet: pass it to deli.Scene(...), or call {name}.bind(layout)"
 
     def __getattr__(self, name: str) -> Any:
-        # Reached only where ordinary lookup fails: a derived array of a family that no scene has bound.
-        if name in type(self).__annotations__ and self.__dict__.get("layout") is None:
+        # Reached only where ordinary lookup fails: something derived, of a family that no scene has bound.
+        if (name == "bound" or name in type(self).__dataclass_fields__) and self.__dict__.get("layout") is None:
             raise AttributeError(self._unbound())
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deli.errors import InputError
-from deli.mechanics.arrays import TINY, Array, Indices, body_indices, broadcast, real_array
+from deli.mechanics.arrays import TINY, Array, Indices, body_indices, one_vector_each, real_array
 from deli.mechanics.family import (
     ArrayFamily,
     Family,
@@ -130,7 +130,7 @@ class RadialPowers(ArrayFamily, PotentialFamily):
     def _prepare(self, layout: Layout) -> None:
         index = chosen_bodies("bodies of RadialPowers", self.bodies, layout)
         shape = (index.size, layout.dimension)
-        centre = broadcast("centre of RadialPowers", np.asarray(self.centre), shape, "for each body and axis")
+        centre = one_vector_each("centre of RadialPowers", np.asarray(self.centre), *shape)
         self._set(_index=index, _centre=centre)
 
     def _offsets(self, q: Array) -> tuple[Array, Array]:

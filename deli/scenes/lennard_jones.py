@@ -77,7 +77,7 @@ def lennard_jones(
         potential=[LennardJones(epsilon=epsilon, sigma=sigma)],
         unilateral=[
             SpheresApart(pairs=None, distance=2.0 * radius),
-            SpheresInside(radius=positive_number("container of lennard_jones", container) - radius),
+            SpheresInside(radius=_room(container, radius)),
         ],
         bilateral=[Rods(pairs=np.stack([number[:-1], number[1:]], axis=1), length=length)],
         dimension=3,
@@ -87,6 +87,15 @@ def lennard_jones(
     pattern = np.stack([np.cos(2.0 * number), np.sin(3.0 * number), np.cos(number + 1.0)], axis=1)
     velocity = real_number("speed of lennard_jones", speed) * pattern.reshape(-1)
     return dataclasses.replace(at_rest, momentum=_stretching_removed(at_rest, velocity))
+
+
+def _room(container: float, radius: float) -> float:
+    room = real_number("container of lennard_jones", container) - radius
+    if room <= 0:
+        raise InputError(
+            f"container of lennard_jones: found {container!r}; it must be > the spheres' radius {radius!r}"
+        )
+    return room
 
 
 def _rise(rise: float, length: float) -> float:

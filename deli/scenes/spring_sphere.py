@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deli.errors import InputError
-from deli.mechanics.arrays import positive_number, real_number
+from deli.mechanics.arrays import Array, positive_number, real_array, real_number
 from deli.mechanics.distances import SpheresInside
 from deli.mechanics.pair_potentials import Springs
 from deli.mechanics.potentials import RadialPowers
@@ -63,7 +63,7 @@ def spring_sphere(
     if position is None:
         position = radius * np.array(STARTS[start])
     if momentum is None:
-        x, y = np.reshape(np.asarray(position, dtype=np.float64), (2, 2)).T
+        x, y = _bodies(position).T
         momentum = speed * np.stack([-y, x], axis=1) / np.hypot(x, y)[:, None]
     return Scene(
         mass=mass,
@@ -76,3 +76,15 @@ def spring_sphere(
         unilateral=[SpheresInside(radius=radius)],
         dimension=2,
     )
+
+
+def _bodies(position: ArrayLike) -> Array:
+    found = real_array("position of spring_sphere", position)
+    if found.size != 4:
+        raise InputError(f"position of spring_sphere: found shape {found.shape}; pass two points, shape (2, 2)")
+    bodies: Array = found.reshape(2, 2)
+    if not bodies.any(axis=1).all():
+        raise InputError(
+            "position of spring_sphere: found a body at the origin, where the potential is infinite; move it"
+        )
+    return bodies
