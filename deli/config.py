@@ -83,7 +83,8 @@ def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
 def parse(table: Mapping[str, Any], overrides: Iterable[str] = ()) -> Config:
     """Check a config's table.
 
-    Where step_size, steps and duration or the method's scheme are absent, the scene's own defaults stand in.
+    Where step_size, steps and duration or the method's scheme are absent, the scene's own defaults stand in; the method
+    is ``gvi`` unless it is named.
 
     Raises
     ------
@@ -94,7 +95,8 @@ def parse(table: Mapping[str, Any], overrides: Iterable[str] = ()) -> Config:
     filled = apply_overrides(expand(table), overrides)
     refuse_nan(filled)
     scene = _named(filled, "scene", scenes.available())
-    filled.setdefault("method", {"name": "gvi"})
+    if isinstance(filled.setdefault("method", {}), dict):
+        filled["method"].setdefault("name", "gvi")
     method = _named(filled, "method", METHODS)
     defaults = scenes.defaults(scene)
     of_scene, of_method = scene_model(scenes.get(scene)), method_model(METHODS[method])

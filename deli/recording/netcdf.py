@@ -46,11 +46,11 @@ def check_output(output: Path, *, resume: bool, overwrite: bool) -> None:
     if resume or overwrite:
         return
     if output.exists():
-        raise InputError(f"output {output} exists; name another, or pass overwrite=True to replace it.")
+        raise InputError(f"output {output} exists; name another, or replace it (overwrite=True, --overwrite).")
     if partial.exists():
         raise InputError(
-            f"{partial} holds an unfinished run; pass resume=True to continue it, overwrite=True to start anew, "
-            "or name another output."
+            f"{partial} holds an unfinished run; continue it (resume=True, --resume), start anew (overwrite=True, "
+            "--overwrite), or name another output."
         )
 
 
@@ -188,6 +188,12 @@ def read(path: Path) -> tuple[Groups, dict[str, Any]]:
         for group in (TRAJECTORY, STATS):
             groups[group] = {name: _read(variable, length) for name, variable in dataset[group].variables.items()}
         return groups, _attributes(dataset)
+
+
+def stored_rows(path: Path) -> int:
+    """Rows that a file holds, committed or not."""
+    with _open(path) as dataset:
+        return len(dataset[TRAJECTORY].dimensions["time"])
 
 
 def _open(path: Path) -> netCDF4.Dataset:

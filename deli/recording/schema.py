@@ -185,3 +185,8 @@ def build_tree(groups: Groups, attributes: Mapping[str, Any]) -> xr.DataTree:
         dataset = xr.Dataset({name: xr.Variable(*variable) for name, variable in variables.items()})
         datasets[f"/{group}"] = dataset.set_coords([name for name in coordinates(group) if name in dataset])
     return xr.DataTree.from_dict(datasets)
+
+
+def dataset_of(run: xr.DataTree, group: str) -> xr.Dataset:
+    """One group of a run, with its coordinates."""
+    return run.children[group].to_dataset()

@@ -1,0 +1,42 @@
+"""The command line."""
+
+from typing import Annotated
+
+import typer
+
+from deli.commands.check import check
+from deli.commands.listing import backends, methods, scenes
+from deli.commands.plot import plot
+from deli.commands.run import run
+
+app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for command in (run, plot, check, scenes, methods, backends):
+    app.command()(command)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from deli import __version__
+
+        typer.echo(f"deli {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """Simulate mechanical systems with contact, record what happens, and compare solvers."""
+
+
+def main() -> None:
+    """Entry point of the `deli` command."""
+    app()

@@ -1,0 +1,46 @@
+"""``deli check``: is a config runnable, is a recorded file whole and true."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from deli.commands.console import INPUT_AT_FAULT, complain, console, guarded
+from deli.commands.run import Settings, read_config
+
+
+@guarded
+def check(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A config (.toml) or a recorded run.")],
+    settings: Settings = None,
+) -> None:
+    """Check a config or a recorded run without running anything.
+
+    Of a config: says what would run. Of a run: verifies the schema, the committed rows, that values are finite, and
+    that energies, momenta and gaps follow from the recorded states where the scene is one of deli's own. Exit status
+    2 if something does not hold.
+    """
+    from deli.commands.tables import print_plan
+
+    if file.suffix == ".toml":
+        print_plan(console(), read_config(str(file), settings or []).plan(overwrite=True))
+        return
+    _check_run(file)
+
+
+def _check_run(file: Path) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from deli.recording.verify import verify
+
+    findings = verify(file)
+    table = Table(show_header=False)
+    for finding in findings:
+        marks = {True: "ok", False: "WRONG", None: "-"}
+        table.add_row(*(Text(cell) for cell in (finding.what, marks[finding.holds], finding.seen)))
+    console().print(table)
+    wrong = [finding.what for finding in findings if finding.holds is False]
+    if wrong:
+        complain(f"{file} does not hold up: {', '.join(wrong)}.")
+        raise typer.Exit(INPUT_AT_FAULT)

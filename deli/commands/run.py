@@ -1,0 +1,89 @@
+"""``deli run``: carry out a config, or a scene as the paper runs it."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from deli.commands.console import RUN_FAILED, complain, console, guarded
+
+if TYPE_CHECKING:
+    from deli.config import Config
+
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Override a key of the config, such as scene.balls=3 or solvers.default=osqp. Repeatable.",
+    ),
+]
+
+
+@guarded
+def run(
+    source: Annotated[str, typer.Argument(metavar="CONFIG.toml|SCENE", help="A config file, or a scene's name.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="File to record to (default: record.output, or NAME.nc in this folder)."),
+    ] = None,
+    settings: Settings = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="PNG", help="Also draw the run into this file.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue an unfinished run; start anew where there is none.")
+    ] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the output if it exists.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Check everything, say what would run, and stop.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
+) -> None:
+    """Run a config or a scene, and record it.
+
+    A scene given by name runs as in the paper. Exit status: 0 done, 1 the run failed or was interrupted (what was
+    computed is in the file), 2 the input is at fault.
+    """
+    from deli.commands.tables import print_plan, print_summary
+    from deli.interrupts import Interrupted
+    from deli.simulation import run_plan
+    from deli.summary import summarize
+
+    config = read_config(source, settings or [])
+    target = output or Path(config.output or f"{Path(source).stem}.nc")
+    plan = config.plan(target, resume=resume, overwrite=overwrite)
+    if plot is not None:
+        from deli.plotting import check_picture
+
+        check_picture(plot)
+    if dry_run:
+        print_plan(console(), plan)
+        return
+    try:
+        result = run_plan(plan, progress=not quiet)
+    except Interrupted as stopped:
+        complain(stopped)
+        raise typer.Exit(RUN_FAILED) from stopped
+    if not quiet:
+        print_summary(console(), result.attrs["title"], summarize(result))
+        console().print(f"Recorded in {target}", soft_wrap=True)
+    if plot is not None:
+        from deli.plotting import save
+
+        save(result, plot)
+    if result.attrs["outcome"] != "complete":
+        complain(f"{result.attrs['outcome']}; {result['trajectory'].sizes['time']} rows are in {target}.")
+        raise typer.Exit(RUN_FAILED)
+
+
+def read_config(source: str, settings: list[str]) -> "Config":
+    """Read a config from a file, or make one from a scene's name."""
+    from deli import scenes
+    from deli.config import load, parse
+    from deli.config_models import listed
+    from deli.errors import InputError
+
+    if source in scenes.available():
+        return parse({"scene": {"name": source}}, settings)
+    if source.endswith(".toml") or Path(source).exists():
+        return load(source, settings)
+    raise InputError(f"{source!r} is neither a file nor a scene; scenes: {listed(source, scenes.available())}.")

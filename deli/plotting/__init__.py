@@ -1,0 +1,5 @@
+"""Figures of a run: what it conserves over time, and where it goes."""
+
+from deli.plotting.figures import check_picture, history, save, trajectory
+
+__all__ = ["check_picture", "history", "save", "trajectory"]

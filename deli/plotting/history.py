@@ -1,0 +1,103 @@
+"""Energy error, momenta, gaps and solver residuals over time."""
+
+import tomllib
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+
+from deli.plotting.lines import color, draw_line, draw_worst, legend_above, scale_log, unit
+from deli.recording.schema import STATS, TRAJECTORY, dataset_of
+from deli.summary import drift, momentum_components
+
+RESIDUALS = ("primal_residual", "dual_residual", "complementarity")
+
+
+def draw_history(figure: Figure | SubFigure, run: xr.DataTree) -> None:
+    """Draw the four panels one under the other, sharing the time axis; no gap panel where there are no gaps."""
+    panels = [_draw_energy, _draw_momenta]
+    if np.isfinite(dataset_of(run, TRAJECTORY)["gap_min"].values).any():
+        panels.append(_draw_gap)
+    panels.append(_draw_residuals)
+    column = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, draw in zip(column, panels, strict=True):
+        draw(axes, run)
+    time = dataset_of(run, TRAJECTORY)["time"]
+    column[-1].set_xlabel(f"time{unit(time.attrs['units'])}")
+    column[-1].set_xlim(float(time[0]), float(time[-1]))
+    figure.align_ylabels(column)
+
+
+def _draw_energy(axes: Axes, run: xr.DataTree) -> None:
+    trajectory = dataset_of(run, TRAJECTORY)
+    time, energy = trajectory["time"].values, trajectory["hamiltonian"].values
+    axes.axhline(0.0, color="0.6", linewidth=0.7)
+    draw_line(axes, time, energy - energy[0], color(0))
+    slope, error = drift(time, energy)
+    told = "" if np.isnan(slope) else f", drift {slope:+.1e} ± {error:.0e} a unit of time"
+    axes.set_title(f"energy error (H(0) = {energy[0]:.6g}{told})")
+    axes.set_ylabel(f"H − H(0)\n{unit(trajectory['hamiltonian'].attrs['units']).strip()}")
+
+
+def _draw_momenta(axes: Axes, run: xr.DataTree) -> None:
+    time = dataset_of(run, TRAJECTORY)["time"].values
+    conserved = momentum_components(run, conserved=True)
+    if not conserved:
+        for index, (name, values) in enumerate(momentum_components(run, conserved=False).items()):
+            draw_line(axes, time, values, color(index), _symbol(name))
+        axes.set_title("momenta (none is conserved)")
+        axes.set_ylabel(
+            "p [M L T⁻¹]\nL [M L² T⁻¹]" if "angular_momentum" in dataset_of(run, TRAJECTORY) else "p\n[M L T⁻¹]"
+        )
+        legend_above(axes)
+        return
+    for index, (name, values) in enumerate(conserved.items()):
+        draw_worst(axes, time, np.abs(values - values[0]), color(index), _symbol(name))
+    scale_log(axes, "none: conserved to the last bit")
+    axes.set_title("error of conserved momenta")
+    errors = {"p": "|p − p(0)| [M L T⁻¹]", "L": "|L − L(0)| [M L² T⁻¹]"}
+    axes.set_ylabel("\n".join(text for letter, text in errors.items() if any(name[0] == letter for name in conserved)))
+    legend_above(axes)
+
+
+def _draw_gap(axes: Axes, run: xr.DataTree) -> None:
+    trajectory = dataset_of(run, TRAJECTORY)
+    time, gap = trajectory["time"].values, trajectory["gap_min"].values
+    axes.axhline(0.0, color="0.6", linewidth=0.7)
+    draw_line(axes, time, gap, color(0))
+    worst = int(gap.argmin())
+    axes.set_title(f"smallest gap (worst {gap[worst]:+.1e} at time {time[worst]:.6g})")
+    axes.set_ylabel(f"min g\n{unit(trajectory['gap_min'].attrs['units']).strip()}")
+    if gap[worst] < 0.0:
+        axes.plot(time[worst], gap[worst], color=color(1), marker="o", markersize=4, linestyle="none", clip_on=False)
+
+
+def _draw_residuals(axes: Axes, run: xr.DataTree) -> None:
+    trajectory, stats = dataset_of(run, TRAJECTORY), dataset_of(run, STATS)
+    time = trajectory["time"].values
+    measured = np.fmax.reduce([stats[name].values for name in RESIDUALS])
+    for index, name in enumerate(stats["subproblem"].values):
+        draw_worst(axes, time[1:], measured[:, index], color(index), str(name))
+    draw_worst(axes, time, trajectory["equality_residual"].values, "0.55", "|f(q)| [L]", zorder=1.5)
+    scale_log(axes, "none: nothing was solved")
+    if axes.has_data():
+        _draw_tolerances(axes, run)
+    axes.set_title("solver residuals")
+    axes.set_ylabel("scaled residual")
+    legend_above(axes)
+
+
+def _draw_tolerances(axes: Axes, run: xr.DataTree) -> None:
+    choices = tomllib.loads(run.attrs["config"])["solvers"]
+    for tolerance in sorted({choice["tolerance"] for choice in choices.values()}):
+        axes.axhline(tolerance, color="0.3", linewidth=0.8, linestyle=(0, (4, 3)))
+        place = (1.0, tolerance)
+        axes.annotate("tolerance", place, xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=7)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low / 3.0, high * 10.0)
+
+
+def _symbol(name: str) -> str:
+    letter, axis = name.split("_")
+    return f"${letter}_{axis}$"

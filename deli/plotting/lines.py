@@ -1,0 +1,78 @@
+"""Lines of any length: drawn as they are while short, as an envelope once there are more points than pixels."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
+POINTS, BINS, MEANS = 6000, 700, 140
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def color(index: int) -> str:
+    """Return a colour that can be told from its neighbours, by colour-blind readers too."""
+    return COLORS[index % len(COLORS)]
+
+
+def unit(units: str) -> str:
+    """Return units for a label: ``M L2 T-2`` as ``[M L² T⁻²]``, nothing for ``1``."""
+    return "" if units == "1" else f" [{units.translate(SUPERSCRIPTS)}]"
+
+
+def draw_line(axes: Axes, time: np.ndarray, values: np.ndarray, hue: str, label: str | None = None) -> None:
+    """Draw values over time; beyond `POINTS` points, their range and their running mean."""
+    if len(time) <= POINTS:
+        axes.plot(time, values, color=hue, label=label, linewidth=0.9)
+        return
+    middle, low = _binned(time, BINS, np.mean), _binned(values, BINS, np.min)
+    axes.fill_between(middle, low, _binned(values, BINS, np.max), color=hue, alpha=0.3, linewidth=0)
+    axes.plot(_binned(time, MEANS, np.mean), _binned(values, MEANS, np.mean), color=hue, label=label, linewidth=0.9)
+
+
+def _binned(values: np.ndarray, bins: int, reduce: Callable[[np.ndarray], float]) -> np.ndarray:
+    return np.array([reduce(part) for part in np.array_split(values, bins)])
+
+
+def draw_worst(axes: Axes, time: np.ndarray, values: np.ndarray, hue: str, label: str, **style: Any) -> None:
+    """Draw values as dots for a log axis; of many points, the largest of each bin. Zeros are left out."""
+    positive = np.isfinite(values) & (values > 0)
+    time, values = time[positive], values[positive]
+    if len(time) > POINTS:
+        time, values = _binned(time, BINS, np.mean), _binned(values, BINS, np.max)
+    if len(time):
+        axes.plot(time, values, color=hue, label=label, linestyle="none", marker=".", markersize=2.5, **style)
+
+
+def legend_above(axes: Axes) -> None:
+    """Put the legend above the axes, where it covers nothing."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        axes.legend(
+            handles,
+            labels,
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            ncols=4,
+            borderaxespad=0.1,
+            handlelength=1.2,
+            columnspacing=1.0,
+            markerscale=3.0,
+        )
+
+
+def legend_below(figure: Figure | SubFigure, axes: Axes) -> None:
+    """Put the legend under everything else."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=6, handlelength=1.2, columnspacing=1.0)
+
+
+def scale_log(axes: Axes, nothing: str) -> None:
+    """Give the axes a logarithmic scale, or the words `nothing` where no value is positive."""
+    if axes.has_data():
+        axes.set_yscale("log")
+        return
+    axes.set_yticks([])
+    axes.text(0.5, 0.5, nothing, transform=axes.transAxes, ha="center", va="center", color="0.4", fontsize=9)

@@ -1,0 +1,105 @@
+"""Whether a recorded file is what it says: schema, committed rows, finite numbers, diagnostics that follow."""
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from deli.recording import netcdf, provenance
+from deli.recording.recorder import diagnose_rows
+from deli.recording.schema import STATS, TRAJECTORY, Groups, Schema, build_tree, dataset_of
+
+AGREEMENT = 1e-9
+MAY_BE_NAN = ("gap_min", "equality_residual", "primal_residual", "dual_residual", "complementarity")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was checked: what, whether it holds (None: could not be checked), and what was seen."""
+
+    what: str
+    holds: bool | None
+    seen: str
+
+
+def verify(path: Path) -> list[Finding]:
+    """Check a file and return what was found.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read at all, or was not recorded by deli.
+    """
+    groups, attributes = netcdf.read(path)
+    run = build_tree(groups, attributes)
+    config = tomllib.loads(attributes["config"])
+    findings = [Finding("outcome", None if attributes["outcome"] == "complete" else False, attributes["outcome"])]
+    findings += [_schema(groups), _rows(path, run), _finite(run), _times(run, config)]
+    return findings + list(_diagnostics(run))
+
+
+def _schema(groups: Groups) -> Finding:
+    dimension = len(groups[TRAJECTORY]["axis"][1])
+    wrong = []
+    for group, variables in Schema(len(groups[TRAJECTORY]["dof"][1]), dimension).groups.items():
+        for variable in variables:
+            name = f"{group}/{variable.name}"
+            if variable.name not in groups[group]:
+                wrong.append(f"{name} is missing")
+                continue
+            dims, values, attributes = groups[group][variable.name]
+            if dims != variable.dims:
+                wrong.append(f"{name} has dimensions {dims}, not {variable.dims}")
+            if variable.dtype != "str" and values.dtype != np.dtype(variable.dtype):
+                wrong.append(f"{name} is of type {values.dtype}, not {np.dtype(variable.dtype)}")
+            wrong += [f"{name} has no {key}" for key in ("units", "long_name") if not attributes.get(key)]
+    return Finding("schema", not wrong, "; ".join(wrong) or "all variables, with units and long names")
+
+
+def _rows(path: Path, run: xr.DataTree) -> Finding:
+    committed, stored = dataset_of(run, TRAJECTORY).sizes["time"], netcdf.stored_rows(path)
+    if path.suffix == ".partial":
+        return Finding("rows", committed >= 1, f"{committed} committed of {stored} begun")
+    return Finding("rows", committed == stored, f"{committed} committed, {stored} stored")
+
+
+def _finite(run: xr.DataTree) -> Finding:
+    wrong = []
+    for group in (TRAJECTORY, STATS):
+        for name, values in dataset_of(run, group).variables.items():
+            if values.dtype.kind == "f":
+                bad = np.isinf(values.values) if name in MAY_BE_NAN else ~np.isfinite(values.values)
+                wrong += [f"{group}/{name} has {int(bad.sum())}"] if bad.any() else []
+    return Finding("finite values", not wrong, "; ".join(wrong) or "no nan or infinity where none may be")
+
+
+def _times(run: xr.DataTree, config: dict[str, float]) -> Finding:
+    time = dataset_of(run, TRAJECTORY)["time"].values
+    steps = time / config["step_size"]
+    uneven = np.abs(steps - np.round(steps)) > 1e-6
+    holds = not uneven.any() and bool((np.diff(np.round(steps)) > 0).all())
+    return Finding("times", holds, f"0 to {time[-1]:.9g}, multiples of {config['step_size']}")
+
+
+def _diagnostics(run: xr.DataTree) -> Iterator[Finding]:
+    scene = provenance.scene_of(run)
+    if scene is None:
+        yield Finding("diagnostics", None, "not recomputed: the scene is a user's own")
+        return
+    trajectory = dataset_of(run, TRAJECTORY)
+    again = diagnose_rows(scene, 0, trajectory["position"].values, trajectory["momentum"].values)
+    for name, values in again.items():
+        recorded = trajectory[name].values
+        scale = max(float(np.nanmax(np.abs(values), initial=0.0)), 1.0)
+        apart = np.abs(recorded - values)
+        if np.isnan(values).all() and np.isnan(recorded).all():
+            yield Finding(name, True, "nan: the scene has no such constraints")
+        else:
+            worst = float(apart.max())
+            row = int(apart.reshape(len(apart), -1).max(axis=1).argmax())
+            yield Finding(
+                name, worst <= AGREEMENT * scale, f"recomputed from the states, differs by {worst:.1e} (row {row})"
+            )
