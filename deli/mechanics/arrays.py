@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ def real_array(name: str, value: ArrayLike) -> Array:
     if found.size == 0:
         found = found.astype(np.float64)
     if found.dtype.kind not in "fiu":
-        raise InputError(f"{name}: found {value!r} (type {found.dtype}); pass real numbers")
+        raise InputError(f"{name}: found {reprlib.repr(value)} (type {found.dtype}); pass real numbers")
     array = np.array(found, dtype=np.float64)
     if not np.isfinite(array).all():
         where = tuple(int(k) for k in np.argwhere(~np.isfinite(array))[0])
@@ -97,7 +98,7 @@ def body_indices(name: str, value: ArrayLike, distinct: bool = False) -> Indices
     if found.size == 0:
         found = found.astype(np.intp)
     if found.dtype.kind not in "iu" or found.ndim != 1:
-        raise InputError(f"{name}: found {value!r}; pass a list of body numbers, counted from 0")
+        raise InputError(f"{name}: found {reprlib.repr(value)}; pass a list of body numbers, counted from 0")
     numbers, times = np.unique(found, return_counts=True)
     if distinct and found.size > numbers.size:
         raise InputError(f"{name}: found body {int(numbers[times > 1][0])} more than once; name each body once")
@@ -110,7 +111,9 @@ def body_pairs(name: str, value: ArrayLike) -> Indices:
     if found.size == 0:
         found = np.zeros((0, 2), dtype=np.intp)
     if found.dtype.kind not in "iu" or found.ndim != 2 or found.shape[1] != 2:
-        raise InputError(f"{name}: found {value!r}; pass a list of pairs (i, j) of body numbers, counted from 0")
+        raise InputError(
+            f"{name}: found {reprlib.repr(value)}; pass a list of pairs (i, j) of body numbers, counted from 0"
+        )
     same = np.flatnonzero(found[:, 0] == found[:, 1])
     if same.size:
         body = int(found[same[0], 0])

@@ -116,6 +116,9 @@ class ConstraintStack(ConstraintFamily):
         if layout is not None:
             self.rows = sum(family.rows for family in self.families)
 
+    def __repr__(self) -> str:
+        return f"ConstraintStack({list(self.families)})"
+
     def bind(self, layout: Layout) -> Self:
         """Return the stack with every family bound to ``layout``."""
         return type(self)([family.bind(layout) for family in self.families], layout)

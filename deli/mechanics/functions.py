@@ -161,16 +161,26 @@ def _check_callable(family: str, **functions: Any) -> None:
 
 def _read(name: str, function: Function, q: Array, shape: tuple[int, ...] | None) -> Array:
     try:
-        value = np.array(function(q.copy()), dtype=np.float64)
-    except (TypeError, ValueError, IndexError) as error:
-        if isinstance(error, InputError):
-            raise
+        found = np.asarray(function(q.copy()))
+    except InputError:
+        raise
+    except Exception as error:  # whatever a user's function may raise
         raise InputError(f"{name}: fails at the initial state: {type(error).__name__}: {error}") from error
+    if found.dtype.kind not in "fiu":
+        raise InputError(f"{name}: found values of type {found.dtype} at the initial state; return real numbers")
+    value = found.astype(np.float64)
     if shape is not None and value.shape != shape:
         raise InputError(f"{name}: found shape {value.shape} at the initial state; it must return shape {shape}")
     if not np.isfinite(value).all():
-        raise InputError(f"{name}: not finite at the initial state: {value}; start where it is defined")
+        raise InputError(
+            f"{name}: not finite at the initial state ({_first_not_finite(value)}); start where it is defined"
+        )
     return value
+
+
+def _first_not_finite(value: Array) -> str:
+    where = tuple(int(k) for k in np.argwhere(~np.isfinite(value))[0])
+    return f"entry {where} is {value[where]}" if where else str(value)
 
 
 def _no_invariance(layout: Layout | None) -> Invariance:

@@ -55,8 +55,7 @@ class PairPotential(ArrayFamily, PotentialFamily):
             apart = square > 0.0
             slope, square = np.where(apart, slope, curvature), np.where(apart, square, 1.0)
         along = (curvature - slope) / square
-        identity = np.identity(self._pairs.dimension)
-        return self._pairs.hessian(slope[:, None, None] * identity + along[:, None, None] * outer_blocks(x))
+        return self._pairs.hessian(slope[:, None, None] * self._pairs.identity + along[:, None, None] * outer_blocks(x))
 
     def invariance(self) -> Invariance:
         """Every translation and rotation."""

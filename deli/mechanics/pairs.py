@@ -33,6 +33,7 @@ class Pairs:
         self.first: Indices = frozen(np.ascontiguousarray(pairs[:, 0]))
         self.second: Indices = frozen(np.ascontiguousarray(pairs[:, 1]))
         self.count, self.dimension, self.dof = len(pairs), layout.dimension, layout.dof
+        self.identity = frozen(np.identity(self.dimension))
         axes, size = np.arange(self.dimension), self.count * self.dimension
         columns = np.stack([pairs[:, :1] * self.dimension + axes, pairs[:, 1:] * self.dimension + axes])
         signs = np.repeat([1.0, -1.0], size)

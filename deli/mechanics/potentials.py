@@ -113,6 +113,7 @@ class RadialPowers(ArrayFamily, PotentialFamily):
     _first: Array = field(init=False, repr=False)
     _second: Array = field(init=False, repr=False)
     _halved: Array = field(init=False, repr=False)
+    _identity: Array = field(init=False, repr=False)
 
     def _read(self) -> None:
         c = np.atleast_1d(real_array("coefficients of RadialPowers", self.coefficients))
@@ -131,7 +132,7 @@ class RadialPowers(ArrayFamily, PotentialFamily):
         index = chosen_bodies("bodies of RadialPowers", self.bodies, layout)
         shape = (index.size, layout.dimension)
         centre = one_vector_each("centre of RadialPowers", np.asarray(self.centre), *shape)
-        self._set(_index=index, _centre=centre)
+        self._set(_index=index, _centre=centre, _identity=np.identity(layout.dimension))
 
     def _offsets(self, q: Array) -> tuple[Array, Array]:
         layout = self.bound
@@ -166,7 +167,7 @@ class RadialPowers(ArrayFamily, PotentialFamily):
         powers = square[:, None] ** self._halved
         along = (powers @ self._second) / np.maximum(square, TINY)
         total = np.zeros((n, d, n, d))
-        total[self._index, :, self._index, :] = (powers @ self._first)[:, None, None] * np.identity(d) + along[
+        total[self._index, :, self._index, :] = (powers @ self._first)[:, None, None] * self._identity + along[
             :, None, None
         ] * outer_blocks(x)
         return total.reshape(n * d, n * d)
@@ -191,6 +192,9 @@ class PotentialSum(PotentialFamily):
         self.families = tuple(families)
         self.layout = layout
         self.constant_hessian = all(family.constant_hessian for family in self.families)
+
+    def __repr__(self) -> str:
+        return f"PotentialSum({list(self.families)})"
 
     def bind(self, layout: Layout) -> Self:
         """Return the sum with every potential bound to ``layout``."""

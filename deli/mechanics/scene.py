@@ -125,8 +125,8 @@ class Scene:
             gradient = self.potential.gradient(self.position)
         if not (np.isfinite(energy) and np.isfinite(gradient).all()):
             raise InputError(
-                f"potential: energy {energy} and gradient {gradient} at the initial position; start where the "
-                "potential is finite"
+                f"potential: energy {energy} and largest force {float(np.abs(gradient).max())} at the initial "
+                "position; start where the potential is finite"
             )
 
     def _check_position(self, side: str, stack: ConstraintStack) -> None:

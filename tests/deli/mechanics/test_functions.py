@@ -137,11 +137,23 @@ def test_the_hessian_is_optional():
         ),
         (
             lambda: Potential(energy=lambda q: float("nan"), gradient=lambda q: q),
-            r"energy of Potential: not finite at the initial state",
+            r"energy of Potential: not finite at the initial state \(nan\); start where it is defined",
         ),
         (
             lambda: Potential(energy=lambda q: q[99], gradient=lambda q: q),
             r"energy of Potential: fails at the initial state: IndexError: index 99",
+        ),
+        (
+            lambda: Potential(energy=lambda q: 1 / 0, gradient=lambda q: q),
+            r"energy of Potential: fails at the initial state: ZeroDivisionError: division by zero",
+        ),
+        (
+            lambda: Potential(energy=lambda q: 0.0, gradient=lambda q: 1j * q),
+            r"gradient of Potential: found values of type complex128 at the initial state; return real numbers",
+        ),
+        (
+            lambda: Potential(energy=lambda q: None, gradient=lambda q: q),
+            r"energy of Potential: found values of type object at the initial state; return real numbers",
         ),
         (
             lambda: Constraints(value=lambda q: q[0], jacobian=lambda q: q),

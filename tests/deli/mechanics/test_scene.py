@@ -55,6 +55,12 @@ def test_mass_is_one_number_or_one_a_body_or_one_a_degree_of_freedom(mass, expec
     np.testing.assert_allclose(scene.potential.families[0].gradient(scene.position), scene.mass * [0, 9.8, 0, 9.8])
 
 
+def test_a_scene_shows_what_it_is_made_of():
+    shown = repr(make(name="rod over a floor"))
+    for part in ("name='rod over a floor'", "PotentialSum([Gravity(", "ConstraintStack([Rods("):
+        assert part in shown
+
+
 def test_nothing_given_is_free_flight():
     scene = Scene(mass=1.0, position=0.0, momentum=2.0)
     assert scene.unilateral.rows == scene.bilateral.rows == 0
@@ -169,7 +175,7 @@ def test_a_start_below_the_floor_by_more_than_rounding_is_refused(height):
         ),
         (
             {"unilateral": Constraints(value=lambda q: np.array([np.nan]), jacobian=lambda q: np.zeros((1, 4)))},
-            r"value of Constraints: not finite at the initial state",
+            r"value of Constraints: not finite at the initial state \(entry \(0,\) is nan\)",
         ),
         (
             {"potential": LennardJones(1.0, 1.0, pairs=[(0, 2)])},
