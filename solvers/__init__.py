@@ -3,6 +3,7 @@
 from solvers.backends.base import Answer, Backend
 from solvers.compiled import CompiledProblem, compile
 from solvers.errors import NotInstalledError, ParameterError, SolverError, UnknownBackendError
+from solvers.method import register_solve_method
 from solvers.program import Matrix, QuadraticProgram
 from solvers.registry import BackendInfo, available, backends, members, register, unregister
 from solvers.solution import Solution, Status
@@ -28,5 +29,6 @@ __all__ = [
     "compile",
     "members",
     "register",
+    "register_solve_method",
     "unregister",
 ]

@@ -51,8 +51,9 @@ class _Block:
 class AffineMap:
     """The map from theta (whose last entry is one) to a quadratic program, and the storage of that program.
 
-    The image is laid out as q, u, then A and P with the one that depends on the parameters first, so that
-    what depends on the parameters is a leading part and the rest is computed once.
+    The image is laid out as u, q, A, P or as q, u, P, A, with the matrix that depends on the parameters first:
+    what depends on them is a leading part, and the rest is computed once. Both vectors, and both matrices where
+    they are stored dense, lie side by side in the same order, which `solvers.residuals` makes use of.
     """
 
     __slots__ = ("_data", "_indices", "_indptr", "_numbers", "_varying", "program", "theta")
@@ -77,7 +78,7 @@ class AffineMap:
             "P": _Block(p_target, p.col, p.data, p_length),
         }
         varies = {name: block.varies(last) for name, block in blocks.items()}
-        order = ["q", "u", *sorted(("A", "P"), key=lambda name: not varies[name])]
+        order = ["u", "q", "A", "P"] if varies["A"] or not varies["P"] else ["q", "u", "P", "A"]
         ends = np.cumsum([blocks[name].length for name in order])
         start = {name: int(end) - blocks[name].length for name, end in zip(order, ends, strict=True)}
         self._varying = max((start[name] + blocks[name].length for name in order if varies[name]), default=0)
@@ -100,6 +101,7 @@ class AffineMap:
             matrix=Matrix((rows, n), a_pattern, part["A"], dense, not varies["A"]),
             lower=np.full(rows, -np.inf),
             upper=part["u"],
+            numbers=self._numbers,
         )
         self.apply()
 

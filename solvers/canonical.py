@@ -5,6 +5,8 @@ composed here with the map from the problem's own Parameters to that vector. The
 cvxpy, therefore the result is compared with cvxpy's own ``apply_parameters`` whenever a problem is compiled.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,8 +20,10 @@ from scipy import sparse
 
 from solvers.affine import AffineMap, Tensors
 from solvers.errors import SolverError
+from solvers.solution import Solution, Status
 
-SYMMETRIC = ("PSD", "NSD", "symmetric", "hermitian")
+SYMMETRIC = ("PSD", "NSD", "symmetric")
+UNSUPPORTED = ("hermitian", "complex", "imag", "boolean", "integer", "bounds")
 
 
 @dataclass(slots=True, eq=False)
@@ -58,17 +62,18 @@ def canonicalize(problem: cp.Problem) -> Canonical:
     """
     _refuse_duplicates("Parameter", problem.parameters())
     _refuse_duplicates("Variable", problem.variables())
+    for parameter in problem.parameters():
+        for attribute in UNSUPPORTED:
+            if parameter.attributes[attribute]:
+                raise SolverError(f"Parameter {parameter.name()!r} has the attribute {attribute}: not supported")
     own = cp.Problem(problem.objective, problem.constraints)  # leaves the caller's solver cache alone
-    saved = [(parameter, parameter._value) for parameter in problem.parameters()]
-    try:
+    with kept_values(problem):
         for parameter in problem.parameters():
             parameter.project_and_assign(np.ones(parameter.shape))
-        data, chain, inverse = own.get_problem_data("OSQP", canon_backend="COO", enforce_dpp=True)
-    except (DPPError, CvxpySolverError, cp.DCPError) as error:
-        raise SolverError(f"the problem is not a parametrized quadratic program: {error}") from error
-    finally:
-        for parameter, value in saved:
-            parameter._value = value
+        try:
+            data, chain, inverse = own.get_problem_data("OSQP", canon_backend="COO", enforce_dpp=True)
+        except (DPPError, CvxpySolverError, cp.DCPError) as error:
+            raise SolverError(f"the problem is not a parametrized quadratic program: {error}") from error
     if data["bool_vars_idx"] or data["int_vars_idx"]:
         raise SolverError("the problem has integer Variables; only continuous Variables are allowed")
     parametrized = data["param_prob"]
@@ -82,7 +87,42 @@ def canonicalize(problem: cp.Problem) -> Canonical:
     affine = AffineMap(theta, tensors)
     check_against_cvxpy(affine, parametrized, views, lowered)
     answers = _probe_answers(problem, chain, inverse, parametrized)
+    affine.theta[:-1] = np.nan  # refused until given
+    for parameter in problem.parameters():
+        if parameter.value is not None:
+            views[parameter.name()][...] = parameter.value
     return Canonical(problem, affine, views, *answers)
+
+
+@contextmanager
+def kept_values(problem: cp.Problem) -> Iterator[None]:
+    """Put back, on leaving, the values of a problem's Parameters, Variables and multipliers."""
+    leaves = [*problem.parameters(), *problem.variables()]
+    leaves += [variable for constraint in problem.constraints for variable in constraint.dual_variables]
+    saved = [(leaf, leaf._value) for leaf in leaves]
+    try:
+        yield
+    finally:
+        for leaf, value in saved:
+            leaf._value = value
+
+
+def write_back(problem: cp.Problem, solution: Solution) -> None:
+    """Write a solution into a problem's Variables, multipliers, status and value, as ``problem.solve`` does."""
+    sense = -1.0 if isinstance(problem.objective, cp.Maximize) else 1.0
+    status, value = {
+        Status.SOLVED: (cp.OPTIMAL, 0.0),
+        Status.INACCURATE: (cp.OPTIMAL_INACCURATE, 0.0),
+        Status.INFEASIBLE: (cp.INFEASIBLE, sense * np.inf),
+        Status.UNBOUNDED: (cp.UNBOUNDED, -sense * np.inf),
+    }.get(solution.status, (cp.SOLVER_ERROR, np.nan))
+    if status == cp.SOLVER_ERROR:
+        message = f"the backend {solution.backend} ended with {solution.status} ({solution.message})"
+        raise CvxpySolverError(f"{message}: try another backend")
+    primal = {variable.id: solution.primal[variable.name()] for variable in problem.variables()}
+    found = zip(problem.constraints, solution.dual, strict=True)
+    dual = {constraint.id: multiplier for constraint, multiplier in found} if not np.isinf(value) else {}
+    problem.unpack(CvxpySolution(status, value, primal, dual, {}))
 
 
 def _refuse_duplicates(kind: str, leaves: list[Any]) -> None:
@@ -155,8 +195,6 @@ def check_against_cvxpy(
                 f"cvxpy {cp.__version__} lays out {name} differently from what solvers/canonical.py knows "
                 f"(largest difference {np.abs(mine - theirs).max():.1e}): install the cvxpy version deli pins"
             )
-    affine.theta[:-1] = 0.0
-    affine.apply()
 
 
 def _probe_answers(

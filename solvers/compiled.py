@@ -10,6 +10,7 @@ from scipy import sparse
 
 from solvers import registry
 from solvers.backends.base import Answer, Backend
+from solvers.declared import checks
 from solvers.errors import ParameterError, SolverError
 from solvers.polish import Polish
 from solvers.residuals import Residuals
@@ -80,8 +81,8 @@ class CompiledProblem:
     """
 
     __slots__ = (
-        "_canonical", "_dual", "_map", "_members", "_options", "_polish", "_primal", "_residuals", "_solvers", "_zeros",
-        "backend", "parameters", "program", "tolerance",
+        "_canonical", "_checks", "_dual", "_map", "_members", "_options", "_polish", "_primal", "_residuals",
+        "_solvers", "backend", "parameters", "program", "tolerance",
     )  # fmt: skip
 
     def __init__(
@@ -97,8 +98,8 @@ class CompiledProblem:
         self.backend = backend
         self.tolerance = tolerance
         self._map = canonical.map
-        self._zeros = np.zeros_like(canonical.map.theta)
         self._primal, self._dual = canonical.primal, canonical.dual
+        self._checks = checks(canonical.problem.parameters(), self.parameters)
         self._residuals = Residuals(self.program)
         self._canonical = canonical
         self._members = tuple(options)
@@ -113,7 +114,8 @@ class CompiledProblem:
         Parameters
         ----------
         **parameters
-            Values by Parameter name; one that is not given keeps its last value (at first zero).
+            Values by Parameter name; one that is not given keeps its last value; at first that is its
+            ``.value``, if it had one when the problem was compiled.
 
         Returns
         -------
@@ -136,7 +138,8 @@ class CompiledProblem:
             if value.shape != view.shape:
                 raise ParameterError(f"parameter {name!r} has shape {value.shape}; allowed: {view.shape}")
             view[...] = value
-        if self._map.theta.dot(self._zeros) != 0.0:  # nan and inf are the only numbers that survive
+        theta = self._map.theta
+        if not math.isfinite(theta.dot(theta)):
             self._refuse_not_finite()
         self._map.apply()
         setup_time = solve_time = 0.0
@@ -156,19 +159,26 @@ class CompiledProblem:
 
     def _judge(self, answer: Answer) -> tuple[Status, Answer, bool]:
         """Decide on the residuals what the answer is worth, after polishing it if asked to."""
-        worst = self._residuals.compute(answer.x, answer.y)
         claimed = answer.claimed
-        if self._polish is not None and claimed not in NO_POINT and not math.isnan(worst):
+        if claimed in NO_POINT:
+            self._residuals.forget()
+            return claimed, answer, False
+        worst = self._residuals.compute(answer.x, answer.y)
+        polished = False
+        if self._polish is not None and not math.isnan(worst):
             better = self._polish.improve(answer.x, answer.y)
             if better is not None:
                 worst = self._residuals.compute(*better)
-                status = Status.SOLVED if worst <= self.tolerance else Status.INACCURATE
-                return status, answer._replace(x=better[0], y=better[1]), True
-        if claimed is Status.SOLVED or claimed is Status.INACCURATE:
+                polished = True
+                answer = answer._replace(x=better[0], y=better[1])
+        if claimed is Status.SOLVED or claimed is Status.INACCURATE or polished:
+            if worst <= self.tolerance:
+                return Status.SOLVED, answer, polished
             if math.isnan(worst):
-                return Status.FAILED, answer, False
-            return (Status.SOLVED if worst <= self.tolerance else Status.INACCURATE), answer, False
-        return claimed, answer, False
+                return Status.FAILED, answer, polished
+            if claimed is Status.SOLVED:
+                return Status.INACCURATE, answer, polished
+        return claimed, answer, polished
 
     def _report(
         self,
@@ -225,4 +235,4 @@ class CompiledProblem:
     def _refuse_not_finite(self) -> None:
         for name, view in self.parameters.items():
             if not np.isfinite(view).all():
-                raise ParameterError(f"parameter {name!r} holds nan or inf; allowed: finite numbers")
+                raise ParameterError(f"parameter {name!r} was never given or holds nan or inf; allowed: finite numbers")

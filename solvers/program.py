@@ -76,7 +76,7 @@ class Matrix:
     def multiply(self, vector: np.ndarray, out: np.ndarray) -> None:
         """Write the product with a vector into `out`."""
         if self.dense is not None:
-            np.dot(self.dense, vector, out)
+            self.dense.dot(vector, out)
             return
         out.fill(0.0)
         rows, columns = self.shape
@@ -85,7 +85,7 @@ class Matrix:
     def multiply_transposed(self, vector: np.ndarray, out: np.ndarray) -> None:
         """Write the product of the transpose with a vector into `out`."""
         if self.dense is not None:
-            np.dot(vector, self.dense, out)
+            vector.dot(self.dense, out)
             return
         out.fill(0.0)
         rows, columns = self.shape
@@ -108,6 +108,8 @@ class QuadraticProgram:
         A.
     lower, upper : ndarray, shape (rows,)
         l and u.
+    numbers : ndarray
+        The storage behind all of them but l: u and q side by side, then A and P in the same order.
     """
 
     variables: int
@@ -118,3 +120,4 @@ class QuadraticProgram:
     matrix: Matrix
     lower: np.ndarray
     upper: np.ndarray
+    numbers: np.ndarray

@@ -10,7 +10,12 @@ from typing import Any
 TOLERANCES: dict[str, dict[str, float]] = {
     "clarabel": {"tol_feas": 0.1, "tol_gap_abs": 0.1, "tol_gap_rel": 0.1},
     "daqp": {"primal_tol": 0.1, "dual_tol": 0.01},
-    "highs": {"primal_feasibility_tolerance": 0.1, "dual_feasibility_tolerance": 0.1},
+    # The default regularization of 1e-7 would be the error of the answer.
+    "highs": {
+        "primal_feasibility_tolerance": 0.1,
+        "dual_feasibility_tolerance": 0.1,
+        "qp_regularization_value": 0.01,
+    },
     "osqp": {"eps_abs": 0.1, "eps_rel": 0.1},
     "piqp": {"eps_abs": 0.1, "eps_rel": 0.1, "eps_duality_gap_abs": 0.1, "eps_duality_gap_rel": 0.1},
     "proxqp": {"eps_abs": 0.1, "eps_rel": 0.1, "eps_duality_gap_abs": 0.1, "eps_duality_gap_rel": 0.1},
@@ -20,7 +25,10 @@ TOLERANCES: dict[str, dict[str, float]] = {
 }
 
 # Smallest value a setting may take, where the solver has a floor.
-FLOORS: dict[str, float] = {"highs": 1e-10}
+FLOORS: dict[tuple[str, str], float] = {
+    ("highs", "primal_feasibility_tolerance"): 1e-10,
+    ("highs", "dual_feasibility_tolerance"): 1e-10,
+}
 
 # Setting of the solver: limit. Iterations, which do not depend on the clock, wherever the solver counts them.
 LIMITS: dict[str, dict[str, Any]] = {
@@ -38,6 +46,7 @@ LIMITS: dict[str, dict[str, Any]] = {
 
 def settings(backend: str, tolerance: float) -> dict[str, Any]:
     """Return a solver's settings for a tolerance, with its limits."""
-    floor = FLOORS.get(backend, 0.0)
-    scaled = {name: max(factor * tolerance, floor) for name, factor in TOLERANCES[backend].items()}
+    scaled = {
+        name: max(factor * tolerance, FLOORS.get((backend, name), 0.0)) for name, factor in TOLERANCES[backend].items()
+    }
     return {**scaled, **LIMITS[backend]}

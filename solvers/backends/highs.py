@@ -22,6 +22,12 @@ STATUS = {
 }
 
 
+class _QuietHighs(highspy.Highs):
+    def enableCallbacks(self) -> None:
+        """Turn the output off before the constructor prints its banner; callbacks are not used."""
+        self.silent()
+
+
 class HiGHS(Backend):
     """Adapter of ``highspy.Highs``, whose multipliers have the opposite sign."""
 
@@ -30,7 +36,6 @@ class HiGHS(Backend):
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None:
         self.program = program
         self._settings = {
-            "output_flag": False,
             "threads": 1,
             **tolerances.settings(self.name, tolerance),
             **options,
@@ -41,7 +46,7 @@ class HiGHS(Backend):
         self._new_solver()
 
     def _new_solver(self) -> None:
-        self._solver = highspy.Highs()
+        self._solver = _QuietHighs()
         for name, value in self._settings.items():
             if self._solver.setOptionValue(name, value) != highspy.HighsStatus.kOk:
                 raise SolverError(f"highs has no option {name!r} that takes {value!r}; see the list of HiGHS options")

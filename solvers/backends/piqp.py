@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import piqp
-from scipy import sparse
 
 from solvers import tolerances
 from solvers.backends.base import Answer, Backend, refuse_unknown, settings_of
@@ -21,22 +20,24 @@ STATUS = {
 
 
 class PIQP(Backend):
-    """Adapter of ``piqp.DenseSolver``, or ``piqp.SparseSolver`` where the program is stored sparse."""
+    """Adapter of ``piqp.DenseSolver``, or ``piqp.SparseSolver`` where the program is stored sparse.
+
+    Set up anew for every solve: after an update the last bits of the answer depend on the numbers before it
+    (197 of 300 repeated solves at n = 18 differed).
+    """
 
     name = "piqp"
 
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None:
         self.program = program
         self._dense = program.quadratic.dense is not None
-        self._solver: Any = piqp.DenseSolver() if self._dense else piqp.SparseSolver()
+        self._new_solver = piqp.DenseSolver if self._dense else piqp.SparseSolver
+        self._solver: Any = self._new_solver()
         refuse_unknown(self.name, options, settings_of(self._solver.settings))
-        chosen = {"verbose": False, "num_threads": 1}
-        for name, value in {**chosen, **tolerances.settings(self.name, tolerance), **options}.items():
-            setattr(self._solver.settings, name, value)
-        self._started = False
+        self._settings = {"num_threads": 1, **tolerances.settings(self.name, tolerance), **options}
 
     def update(self) -> None:
-        """Hand over all numbers; the solver scales them anew."""
+        """Set the solver up anew."""
         program, e = self.program, self.program.equalities
         P: Any
         A: Any
@@ -46,15 +47,17 @@ class PIQP(Backend):
             equations, inequalities = np.asfortranarray(A[:e]), np.asfortranarray(A[e:])
         else:
             P = program.quadratic.to_sparse()
-            A = program.matrix.to_sparse()
-            equations, inequalities = sparse.csc_matrix(A[:e]), sparse.csc_matrix(A[e:])
+            A = program.matrix.to_sparse().tocsr()
+            equations, inequalities = A[:e].tocsc(), A[e:].tocsc()
+        self._solver = self._new_solver()
+        settings = self._solver.settings
+        for name, value in self._settings.items():
+            setattr(settings, name, value)
         u = program.upper
-        hand_over = self._solver.update if self._started else self._solver.setup
-        hand_over(P, program.linear, equations, u[:e], inequalities, None, u[e:])
-        self._started = True
+        self._solver.setup(P, program.linear, equations, u[:e], inequalities, None, u[e:])
 
     def solve(self) -> Answer:
-        """Solve from scratch."""
+        """Solve, and copy the answer out of the solver."""
         message = self._solver.solve().name
         result = self._solver.result
         y = np.concatenate((result.y, result.z_u))

@@ -1,0 +1,82 @@
+"""Any solver cvxpy has, through ``problem.solve``: slow, and independent of the compiled path."""
+
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+
+from solvers import tolerances
+from solvers.backends.base import Answer, Backend
+from solvers.canonical import Canonical, kept_values
+from solvers.errors import NotInstalledError, SolverError, UnknownBackendError
+from solvers.solution import Status
+
+STATUS = {
+    cp.OPTIMAL: Status.SOLVED,
+    cp.OPTIMAL_INACCURATE: Status.INACCURATE,
+    cp.INFEASIBLE: Status.INFEASIBLE,
+    cp.INFEASIBLE_INACCURATE: Status.INFEASIBLE,
+    cp.UNBOUNDED: Status.UNBOUNDED,
+    cp.UNBOUNDED_INACCURATE: Status.UNBOUNDED,
+    cp.USER_LIMIT: Status.ITERATION_LIMIT,
+}
+KNOWN = tuple(cp.settings.SOLVERS)
+# cvxpy loses OSQP's own polishing after the first solve, and OSQP prints where there is nothing to polish.
+CHOSEN: dict[str, dict[str, Any]] = {"OSQP": {"polishing": False}}
+
+
+class Reference(Backend):
+    """Adapter of ``cvxpy.Problem.solve``.
+
+    Each solve builds a new Problem: one that is solved again keeps a warm start, fails in cvxpy's interface to
+    ProxQP when its parameters change, and caches the solver it was last used with.
+    """
+
+    name = "cvxpy"
+
+    def __init__(self, canonical: Canonical, backend: str, tolerance: float, options: Mapping[str, Any]) -> None:
+        self.canonical = canonical
+        self.solver = backend.partition(":")[2].upper()
+        if self.solver not in KNOWN:
+            raise UnknownBackendError(f"unknown backend {backend!r}; allowed: cvxpy: and one of {', '.join(KNOWN)}")
+        if self.solver not in cp.installed_solvers():
+            raise NotInstalledError(
+                f"cvxpy has no solver {self.solver} installed; installed: {', '.join(cp.installed_solvers())}"
+            )
+        table = self.solver.lower()
+        known = tolerances.settings(table, tolerance) if table in tolerances.TOLERANCES else {}
+        self._settings = {**known, **CHOSEN.get(self.solver, {}), **options}
+        covered = sum(variable.size for variable in canonical.problem.variables())
+        if covered != canonical.map.program.variables:
+            raise SolverError(
+                f"{backend} cannot be verified on this problem: its standard form has auxiliary variables; "
+                "use a backend without the prefix cvxpy:"
+            )
+
+    def update(self) -> None:
+        """Do nothing: the values are handed over with the problem."""
+
+    def solve(self) -> Answer:
+        """Build a problem with the current values and solve it through cvxpy."""
+        problem = self.canonical.problem
+        program = self.canonical.map.program
+        x, y = np.full(program.variables, np.nan), np.full(program.rows, np.nan)
+        with kept_values(problem), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            for parameter in problem.parameters():
+                parameter.project_and_assign(self.canonical.views[parameter.name()].copy())
+            fresh = cp.Problem(problem.objective, problem.constraints)
+            try:
+                fresh.solve(solver=self.solver, warm_start=False, **self._settings)
+            except cp.SolverError as error:
+                return Answer(x, y, Status.FAILED, 0, str(error))
+            claimed = STATUS.get(fresh.status, Status.FAILED)
+            if claimed in (Status.SOLVED, Status.INACCURATE):
+                for variable, (_, place, _) in zip(problem.variables(), self.canonical.primal, strict=True):
+                    x[place] = np.asarray(variable.value).ravel(order="F")
+                for constraint, (place, _) in zip(problem.constraints, self.canonical.dual, strict=True):
+                    y[place] = np.asarray(constraint.dual_value).ravel(order="F")
+            iterations = fresh.solver_stats.num_iters
+        return Answer(x, y, claimed, int(iterations or 0), fresh.status)

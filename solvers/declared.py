@@ -1,0 +1,87 @@
+"""What Parameters declare about their values, checked at every solve.
+
+Only Parameters with attributes cost anything. The rules of disciplined programming rest on them: a problem whose
+``Parameter(PSD=True)`` holds an indefinite matrix is not convex, and its stationary points are no solutions.
+"""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solvers.errors import ParameterError
+
+if TYPE_CHECKING:
+    import cvxpy
+
+ROUNDOFF = 1e-9  # relative asymmetry and negative curvature taken for rounding error
+
+Check = Callable[[], None]
+
+
+def checks(parameters: "list[cvxpy.Parameter]", views: dict[str, np.ndarray]) -> tuple[Check, ...]:
+    """Return one function for each attribute to check; it raises ParameterError where the value violates it."""
+    found: list[Check] = []
+    for parameter in parameters:
+        name, attributes = parameter.name(), parameter.attributes
+        view = views[name]
+        if attributes["nonneg"] or attributes["pos"]:
+            found.append(_sign(name, view, 1.0))
+        if attributes["nonpos"] or attributes["neg"]:
+            found.append(_sign(name, view, -1.0))
+        if attributes["symmetric"] or attributes["PSD"] or attributes["NSD"]:
+            found.append(_symmetric(name, view))
+        if attributes["PSD"]:
+            found.append(_semidefinite(name, view, 1.0))
+        if attributes["NSD"]:
+            found.append(_semidefinite(name, view, -1.0))
+        if attributes["diag"]:
+            found.append(_pattern(name, view, np.eye(len(view), dtype=bool)))
+        if attributes["sparsity"]:
+            inside = np.zeros(view.shape, dtype=bool)
+            inside[parameter.sparse_idx] = True
+            found.append(_pattern(name, view, inside))
+    return tuple(found)
+
+
+def _sign(name: str, view: np.ndarray, sign: float) -> Check:
+    def check() -> None:
+        if (sign * view).min(initial=0.0) < 0.0:
+            word = "nonnegative" if sign > 0.0 else "nonpositive"
+            raise ParameterError(f"parameter {name!r} is declared {word} and holds {sign * (sign * view).min():g}")
+
+    return check
+
+
+def _symmetric(name: str, view: np.ndarray) -> Check:
+    def check() -> None:
+        asymmetry, size = np.abs(view - view.T).max(), np.abs(view).max()
+        if asymmetry > ROUNDOFF * size:
+            raise ParameterError(
+                f"parameter {name!r} is declared symmetric and differs from its transpose by {asymmetry:g}"
+            )
+
+    return check
+
+
+def _semidefinite(name: str, view: np.ndarray, sign: float) -> Check:
+    identity = np.eye(len(view))
+
+    def check() -> None:
+        try:
+            np.linalg.cholesky(sign * view + (ROUNDOFF * np.abs(view).max() + np.finfo(float).tiny) * identity)
+        except np.linalg.LinAlgError:
+            word = "positive" if sign > 0.0 else "negative"
+            worst = sign * np.linalg.eigvalsh(sign * view)[0]
+            message = f"parameter {name!r} is declared {word} semidefinite and has the eigenvalue {worst:g}"
+            raise ParameterError(message) from None
+
+    return check
+
+
+def _pattern(name: str, view: np.ndarray, inside: np.ndarray) -> Check:
+    def check() -> None:
+        if np.any(view[~inside]):
+            raise ParameterError(f"parameter {name!r} has entries outside the pattern it declares")
+
+    return check
