@@ -38,7 +38,7 @@ class Backend(ABC):
     """A solver attached to one program.
 
     The answer must be a function of the program's current numbers alone: no warm start, no scaling and no step
-    size left over from earlier numbers, unless the option ``warm_start=True`` asks for it.
+    size left over from earlier numbers.
 
     Parameters
     ----------

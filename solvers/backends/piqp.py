@@ -22,8 +22,8 @@ STATUS = {
 class PIQP(Backend):
     """Adapter of ``piqp.DenseSolver``, or ``piqp.SparseSolver`` where the program is stored sparse.
 
-    Set up anew for every solve: after an update the last bits of the answer depend on the numbers before it
-    (197 of 300 repeated solves at n = 18 differed).
+    Set up anew for every solve: an update scales from the previous scaling, so that the last bits of the answer
+    depend on the numbers before (140 of 200 repeated solves at n = 18 differed). That costs 7 us.
     """
 
     name = "piqp"

@@ -22,7 +22,7 @@ STATUS = {
 
 
 class QPALM(Backend):
-    """Adapter of ``qpalm.Solver``."""
+    """Adapter of ``qpalm.Solver``, set up once and updated, which leaves no trace of earlier numbers."""
 
     name = "qpalm"
 
@@ -32,19 +32,23 @@ class QPALM(Backend):
         refuse_unknown(self.name, options, settings_of(self._settings))
         for name, value in {"verbose": 0, **tolerances.settings(self.name, tolerance), **options}.items():
             setattr(self._settings, name, value)
-        self._data = qpalm.Data(program.variables, program.rows)
         self._triangle, self._upper = program.quadratic.upper()
-        self._matrix = program.matrix.to_sparse()
         self._solver: Any = None
 
     def update(self) -> None:
-        """Set the solver up anew."""
-        program, data = self.program, self._data
-        self._triangle.data = program.quadratic.entries()[self._upper]
-        self._matrix.data = program.matrix.entries()
-        data.Q, data.q, data.A = self._triangle, program.linear, self._matrix
-        data.bmin, data.bmax = program.lower, program.upper
-        self._solver = qpalm.Solver(data, self._settings)
+        """Set the solver up, or rewrite its numbers."""
+        program = self.program
+        triangle = program.quadratic.entries()[self._upper]
+        if self._solver is None:
+            data = qpalm.Data(program.variables, program.rows)
+            self._triangle.data = triangle
+            data.Q, data.q, data.A = self._triangle, program.linear, program.matrix.to_sparse()
+            data.bmin, data.bmax = program.lower, program.upper
+            self._solver = qpalm.Solver(data, self._settings)
+            return
+        self._solver.update_Q_A(triangle, program.matrix.entries())
+        self._solver.update_q(program.linear)
+        self._solver.update_bounds(program.lower, program.upper)
 
     def solve(self) -> Answer:
         """Solve, and copy the answer out of the solver."""
