@@ -10,7 +10,7 @@ from typing import Any
 from deli.errors import InputError
 from deli.mechanics.scene import Scene
 from deli.recording import provenance
-from deli.recording.netcdf import check_output
+from deli.recording.paths import check_output
 
 DURATION_TOLERANCE = 1e-9
 

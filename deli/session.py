@@ -15,6 +15,8 @@ from deli.mechanics import energies
 from deli.plan import Plan
 from deli.progress import ProgressBar
 from deli.recording import netcdf, provenance
+from deli.recording.paths import partial_path
+from deli.recording.reading import read
 from deli.recording.recorder import BLOCK_ROWS, Memory, Recorder, diagnose_rows
 from deli.recording.schema import TRAJECTORY, Groups, Schema, build_tree
 
@@ -40,7 +42,7 @@ class Session:
         self._energy = float(energies.hamiltonian(plan.scene, self._q, self._p))
         self._memory, self._writer, first_row = Memory(), None, 0
         if plan.output is not None:
-            self._writer, first_row = self._open(netcdf.partial_path(plan.output), config)
+            self._writer, first_row = self._open(partial_path(plan.output), config)
         self._recorder = Recorder(plan.scene, self._writer or self._memory, first_row)
         if first_row == 0:
             self._recorder.add(0.0, self._q, self._p, None)
@@ -70,7 +72,7 @@ class Session:
 
     def _open(self, path: Path, config: dict[str, Any]) -> tuple[netcdf.Writer, int]:
         if self._plan.resume and path.exists():
-            groups, attributes = netcdf.read(path)
+            groups, attributes = read(path)
             rows = len(groups[TRAJECTORY]["time"][1])
             if rows:
                 provenance.require_same(attributes["config"], config, path)
@@ -95,18 +97,17 @@ class Session:
         due = clock() + REFRESH_SECONDS
         for end in self._plan.ends(self._recorder.rows - 1):
             stats.reset()
-            origin = self._q, self._p
             while self._step < end:
                 if stop.reason is not None:
                     return f"{INTERRUPTED} by {stop.reason} after step {self._step}"
                 try:
                     q, p = step(self._q, self._p)
                 except StepError as error:
-                    self._record_before_failure(origin)
+                    self._record_last_good()
                     return self._failure(str(error))
                 # A product of finite numbers is cheaper to look at than all of them, and not finite if one is not.
                 if not math.isfinite(q.dot(p)) and not (np.isfinite(q).all() and np.isfinite(p).all()):
-                    self._record_before_failure(origin)
+                    self._record_last_good()
                     return self._failure("the state is not finite; try a smaller step_size")
                 self._q, self._p = q, p
                 self._step += 1
@@ -126,18 +127,10 @@ class Session:
             energy = float(energies.hamiltonian(self._plan.scene, self._q, self._p))
             self._bar.update(self._step, energy - self._energy)
 
-    def _record_before_failure(self, origin: tuple[np.ndarray, np.ndarray]) -> None:
-        """Add the last good state as a row if it is none yet.
-
-        The steps since the row before are taken again: what the failed attempt cost must not count as theirs.
-        """
-        taken = self._step - self._plan.step_of(self._recorder.rows - 1)
-        if taken:
-            self._stepper.stats.reset()
-            q, p = origin
-            for _ in range(taken):
-                q, p = self._stepper.step(q, p)
-            self._recorder.add(self._step * self._plan.step_size, q, p, self._stepper.stats)
+    def _record_last_good(self) -> None:
+        """Add the state before a failed step as a row if it is none yet; its stats count the failed attempt too."""
+        if self._step > self._plan.step_of(self._recorder.rows - 1):
+            self._recorder.add(self._step * self._plan.step_size, self._q, self._p, self._stepper.stats)
 
     def _failure(self, why: str) -> str:
         begin = self._step * self._plan.step_size
@@ -157,7 +150,7 @@ class Session:
         closing["wall_time"] = self._writer.wall_time
         keep = outcome.startswith(INTERRUPTED)
         path = self._writer.close(closing, rename=None if keep else self._plan.output)
-        groups, attributes = netcdf.read(path)
+        groups, attributes = read(path)
         return build_tree(groups, attributes)
 
     def _advice(self, outcome: str) -> str:

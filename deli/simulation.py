@@ -8,7 +8,8 @@ import xarray as xr
 
 from deli.mechanics.scene import Scene
 from deli.plan import Plan, make_plan
-from deli.recording import netcdf, provenance
+from deli.recording import provenance
+from deli.recording.reading import read
 from deli.recording.schema import build_tree
 from deli.session import Session
 
@@ -65,7 +66,8 @@ def simulate(
     -------
     xarray.DataTree
         Groups ``trajectory`` and ``solver_stats``. The root attribute ``outcome`` is ``complete``, or says in which
-        step and why the run failed; a failed run holds all states until then, and its file has the final name.
+        step and why the run failed; a failed run ends with the last good state, whatever `every` is, and its file has
+        the final name. Where that adds a row, the row's stats count the failed attempt too.
 
     Raises
     ------
@@ -100,7 +102,7 @@ def open_run(path: str | os.PathLike[str]) -> xr.DataTree:
     InputError
         If the file is missing, unreadable, or not a run recorded by deli.
     """
-    groups, attributes = netcdf.read(Path(path))
+    groups, attributes = read(Path(path))
     return build_tree(groups, attributes)
 
 

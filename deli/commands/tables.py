@@ -8,7 +8,7 @@ from rich.text import Text
 
 from deli.plan import Plan
 from deli.recording import provenance
-from deli.recording.netcdf import partial_path
+from deli.recording.paths import partial_path
 from deli.summary import Summary
 
 

@@ -25,7 +25,8 @@ def draw_history(figure: Figure | SubFigure, run: xr.DataTree) -> None:
         draw(axes, run)
     time = dataset_of(run, TRAJECTORY)["time"]
     column[-1].set_xlabel(f"time{unit(time.attrs['units'])}")
-    column[-1].set_xlim(float(time[0]), float(time[-1]))
+    if len(time) > 1:
+        column[-1].set_xlim(float(time[0]), float(time[-1]))
     figure.align_ylabels(column)
 
 

@@ -37,7 +37,8 @@ def _draw_line(
             _shade_beyond(axes, float(normal[0]), offset)
         axes.set_ylabel(f"position{unit(units)}")
         axes.set_xlabel("time [T]")
-        axes.set_xlim(time[0], time[end - 1])
+        if len(time) > 1:
+            axes.set_xlim(time[0], time[end - 1])
     panels[0].set_title("position over time")
     legend_below(figure, panels[0])
     if long:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from deli.recording import netcdf, provenance
+from deli.recording import provenance, reading
 from deli.recording.recorder import diagnose_rows
 from deli.recording.schema import STATS, TRAJECTORY, Groups, Schema, build_tree, dataset_of
 
@@ -33,10 +33,10 @@ def verify(path: Path) -> list[Finding]:
     InputError
         If it cannot be read at all, or was not recorded by deli.
     """
-    groups, attributes = netcdf.read(path)
+    groups, attributes = reading.read(path)
     run = build_tree(groups, attributes)
     config = tomllib.loads(attributes["config"])
-    findings = [Finding("outcome", None if attributes["outcome"] == "complete" else False, attributes["outcome"])]
+    findings = [Finding("outcome", None, attributes["outcome"])]
     findings += [_schema(groups), _rows(path, run), _finite(run), _times(run, config)]
     return findings + list(_diagnostics(run))
 
@@ -60,7 +60,7 @@ def _schema(groups: Groups) -> Finding:
 
 
 def _rows(path: Path, run: xr.DataTree) -> Finding:
-    committed, stored = dataset_of(run, TRAJECTORY).sizes["time"], netcdf.stored_rows(path)
+    committed, stored = dataset_of(run, TRAJECTORY).sizes["time"], reading.stored_rows(path)
     if path.suffix == ".partial":
         return Finding("rows", committed >= 1, f"{committed} committed of {stored} begun")
     return Finding("rows", committed == stored, f"{committed} committed, {stored} stored")

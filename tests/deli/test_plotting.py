@@ -1,0 +1,148 @@
+"""Figures: what is drawn, that labels carry units, that pictures are written or refused."""
+
+import struct
+
+import numpy as np
+import pytest
+
+import deli
+from deli.errors import InputError
+from deli.plotting import shapes
+from deli.plotting.lines import BINS, POINTS, unit
+
+FAST = [
+    deli.scenes.point_mass(),
+    deli.scenes.pogo_stick(),
+    deli.scenes.newtons_cradle(),
+    deli.scenes.spring_sphere(start="mixed"),
+    deli.scenes.lennard_jones(),
+    deli.Scene(mass=1.0, position=[[0.0, 1.0]], momentum=[[1.0, 2.0]], dimension=2, name="free"),
+]
+
+
+@pytest.fixture(scope="module", params=FAST, ids=lambda scene: scene.name)
+def recorded(request):
+    return request.param, deli.simulate(request.param, deli.GVI(scheme="verlet"), step_size=0.01, steps=80)
+
+
+def test_history_has_a_panel_for_each_question(recorded):
+    scene, run = recorded
+    figure = deli.plotting.history(run)
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert titles[0].startswith("energy error")
+    assert "momenta" in titles[1]
+    assert ("smallest gap" in titles[2]) == bool(scene.unilateral.rows)
+    assert titles[-1] == "solver residuals"
+    limits = {axes.get_xlim() for axes in figure.axes}
+    assert limits == {(0.0, 0.8)}
+
+
+def test_energy_panel_shows_the_energy_error(recorded):
+    _, run = recorded
+    line = deli.plotting.history(run).axes[0].lines[1]
+    energy = run["trajectory"]["hamiltonian"].values
+    np.testing.assert_array_equal(line.get_ydata(), energy - energy[0])
+
+
+def test_trajectory_draws_every_body(recorded):
+    scene, run = recorded
+    figure = deli.plotting.trajectory(run)
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == [f"body {body}" for body in range(scene.bodies)]
+
+
+def test_axes_carry_units(recorded):
+    _, run = recorded
+    for figure in (deli.plotting.history(run), deli.plotting.trajectory(run)):
+        for axes in figure.axes:
+            label = axes.get_ylabel()
+            assert label == "scaled residual" or "[" in label
+        assert "[T]" in figure.axes[-1].get_xlabel() or "[L]" in figure.axes[-1].get_xlabel()
+
+
+def test_a_picture_is_written(recorded, tmp_path):
+    _, run = recorded
+    deli.plotting.save(run, tmp_path / "run.png")
+    header = (tmp_path / "run.png").read_bytes()[:24]
+    assert header[1:4] == b"PNG"
+    width, height = struct.unpack(">II", header[16:24])
+    assert width > height > 500
+
+
+def test_one_row_can_be_drawn(tmp_path, monkeypatch):
+    from deli.errors import StepError
+    from deli.integrators.stepper import Stepper
+
+    def fail(self, q, p):
+        raise StepError("position: no [/luck]")
+
+    monkeypatch.setattr(Stepper, "step", fail)
+    for scene in (deli.scenes.pogo_stick(), deli.scenes.newtons_cradle()):
+        run = deli.simulate(scene, deli.GVI(), step_size=0.01, steps=5)
+        assert run["trajectory"].sizes["time"] == 1
+        deli.plotting.save(run, tmp_path / f"{scene.name}.png")
+        assert "no [/luck]" in deli.plotting.history(run).get_suptitle()
+
+
+def test_long_runs_are_envelopes_that_hide_no_extreme():
+    run = deli.simulate(deli.scenes.point_mass(), deli.GVI(), step_size=0.01, steps=POINTS + 1000)
+    figure = deli.plotting.history(run)
+    gap = figure.axes[2]
+    (envelope,) = gap.collections
+    vertices = envelope.get_paths()[0].vertices
+    recorded = run["trajectory"]["gap_min"].values
+    assert vertices[:, 1].min() == recorded.min()
+    assert vertices[:, 1].max() == recorded.max()
+    assert len(vertices) < 3 * BINS
+    assert all(len(line.get_xdata()) <= BINS for axes in figure.axes for line in axes.lines)
+
+
+def test_a_custom_scene_is_drawn_with_its_walls_when_given():
+    scene = deli.Scene(
+        mass=1.0,
+        position=[[0.0, 1.0]],
+        momentum=[[1.0, -2.0]],
+        unilateral=[deli.Planes(normals=[0.0, 1.0]), deli.SpheresInside(radius=5.0)],
+        dimension=2,
+    )
+    run = deli.simulate(scene, deli.GVI(), step_size=0.1, steps=10)
+    assert len(deli.plotting.trajectory(run).axes[0].patches) == 0
+    assert len(deli.plotting.trajectory(run, scene).axes[0].patches) == 1
+
+
+def test_shapes_of_the_cradle():
+    scene = deli.scenes.newtons_cradle(balls=3, radius=0.25, length=1.0)
+    np.testing.assert_array_equal(shapes.radii(scene), 0.25)
+    assert len(shapes.pivots(scene)) == 3
+    bodies = scene.position.reshape(3, 2)
+    ends = list(shapes.rods(scene, bodies))
+    assert len(ends) == 3
+    for one, other in ends:
+        assert np.linalg.norm(one - other) == pytest.approx(1.0)
+
+
+def test_shapes_of_the_chain_in_its_container():
+    scene = deli.scenes.lennard_jones()
+    np.testing.assert_array_equal(shapes.radii(scene), 0.3)
+    ((centre, radius),) = shapes.containers(scene)
+    np.testing.assert_array_equal(centre, 0.0)
+    assert radius == pytest.approx(5.0)
+    assert len(list(shapes.rods(scene, scene.position.reshape(-1, 3)))) == 5
+
+
+def test_springs_and_planes():
+    pogo = deli.scenes.pogo_stick()
+    assert len(list(shapes.springs(pogo, pogo.position.reshape(2, 1)))) == 1
+    ((normal, offset),) = shapes.planes(pogo)
+    assert (float(normal[0]), offset) == (1.0, 0.0)
+
+
+@pytest.mark.parametrize(("units", "label"), [("M L2 T-2", " [M L² T⁻²]"), ("L", " [L]"), ("1", "")])
+def test_units_in_labels(units, label):
+    assert unit(units) == label
+
+
+@pytest.mark.parametrize("name", ["run.bmp", "run", "no/run.png"])
+def test_pictures_that_cannot_be_written_are_refused(recorded, tmp_path, name):
+    with pytest.raises(InputError, match="picture"):
+        deli.plotting.save(recorded[1], tmp_path / name)
