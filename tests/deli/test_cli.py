@@ -1,0 +1,267 @@
+"""The command line: what it prints, what it refuses, and its exit status."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import netCDF4
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+import deli
+from deli.cli import app
+from deli.errors import StepError
+from deli.integrators.stepper import Stepper
+
+DONE, RUN_FAILED, INPUT_AT_FAULT = 0, 1, 2
+SHORT = ["--set", "steps=20"]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def refused(result, *words):
+    assert result.exit_code == INPUT_AT_FAULT, result.output
+    assert result.stderr.startswith("deli: ")
+    assert result.stderr.count("\n") == 1
+    for word in words:
+        assert word in result.stderr
+
+
+def deli_process(*arguments, **options):
+    return subprocess.Popen(
+        [sys.executable, "-m", "deli", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options
+    )
+
+
+class TestRun:
+    def test_a_scene(self, folder):
+        result = call("run", "newtons_cradle", *SHORT)
+        assert result.exit_code == DONE, result.output
+        run = deli.open_run(folder / "newtons_cradle.nc")
+        assert run["trajectory"].sizes["time"] == 21
+        for word in ("complete", "energy error", "worst gap", "position", "Recorded in newtons_cradle.nc"):
+            assert word in result.stdout
+
+    def test_a_config(self, folder):
+        (folder / "fall.toml").write_text('steps = 10\nscene = "point_mass"\n[record]\noutput = "ball.nc"\nevery = 5\n')
+        assert call("run", "fall.toml").exit_code == DONE
+        assert deli.open_run("ball.nc")["trajectory"].sizes["time"] == 3
+        assert call("run", "fall.toml", "-o", "other.nc", "--set", "record.every=2", "--quiet").stdout == ""
+        assert deli.open_run("other.nc")["trajectory"].sizes["time"] == 6
+
+    def test_a_picture(self, folder):
+        assert call("run", "point_mass", *SHORT, "--plot", "ball.png").exit_code == DONE
+        assert (folder / "ball.png").stat().st_size > 10_000
+
+    def test_dry_run_computes_and_writes_nothing(self, folder, monkeypatch):
+        monkeypatch.setattr(Stepper, "step", lambda self, q, p: pytest.fail("a step was taken"))
+        result = call("run", "pogo_stick", "--dry-run", "--set", "solvers=osqp")
+        assert result.exit_code == DONE
+        for word in ("pogo_stick", "osqp", "10,001", "pogo_stick.nc"):
+            assert word in result.stdout
+        assert not list(folder.iterdir())
+
+    def test_output_that_exists(self, folder):
+        assert call("run", "point_mass", *SHORT).exit_code == DONE
+        refused(call("run", "point_mass", *SHORT), "point_mass.nc exists", "--overwrite")
+        assert call("run", "point_mass", *SHORT, "--overwrite").exit_code == DONE
+        result = call("run", "point_mass", *SHORT, "--resume", "--dry-run")
+        assert "nothing to do" in result.stdout
+        assert call("run", "point_mass", *SHORT, "--resume").exit_code == DONE
+
+    def test_what_is_refused(self, folder):
+        refused(call("run", "pogo_stck"), "neither a file nor a scene", "did you mean 'pogo_stick'")
+        refused(call("run", "no.toml"), "no.toml cannot be read")
+        refused(call("run", "point_mass", "--set", "scene.masss=2"), "scene.masss", "did you mean 'mass'")
+        refused(call("run", "point_mass", "--set", "step_size=nan"), "step_size is nan")
+        refused(call("run", "point_mass", "--set", "solvers=clarabell"), "did you mean 'clarabel'")
+        refused(call("run", "point_mass", "-o", "no/run.nc"), "no does not exist")
+        refused(call("run", "point_mass", "--plot", "run.bmp"), "'.bmp'")
+        assert not list(folder.iterdir())
+
+    def test_usage_errors(self):
+        assert call("run").exit_code == INPUT_AT_FAULT
+        assert call("run", "point_mass", "--nonsense").exit_code == INPUT_AT_FAULT
+        assert call("nonsense").exit_code == INPUT_AT_FAULT
+
+    def test_a_failed_run(self, folder, monkeypatch):
+        plain, calls = Stepper.step, []
+
+        def step(self, q, p):
+            calls.append(None)
+            if len(calls) > 5:
+                raise StepError("position: [/bold] the solver gave up")
+            return plain(self, q, p)
+
+        monkeypatch.setattr(Stepper, "step", step)
+        result = call("run", "point_mass", *SHORT, "--plot", "ball.png")
+        assert result.exit_code == RUN_FAILED
+        assert "failed in step 6" in result.stderr
+        assert "6 rows are in point_mass.nc" in result.stderr
+        assert "[/bold]" in result.stdout
+        assert deli.open_run("point_mass.nc")["trajectory"].sizes["time"] == 6
+        assert (folder / "ball.png").exists()
+
+    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+    def test_an_interrupted_run_resumes(self, folder, number):
+        arguments = ["run", "point_mass", "--set", "steps=60000", "--set", "record.every=10"]
+        process = deli_process(*arguments, cwd=folder)
+        try:
+            deadline = time.monotonic() + 60
+            while not (folder / "point_mass.nc.partial").exists():
+                assert process.poll() is None, process.communicate()
+                assert time.monotonic() < deadline
+                time.sleep(0.02)
+            time.sleep(0.5)
+            process.send_signal(number)
+            _, errors = process.communicate(timeout=60)
+        finally:
+            process.kill()
+        assert process.returncode == RUN_FAILED, errors
+        assert f"interrupted by {number.name}" in errors
+        assert "resume to continue" in errors
+        assert "Traceback" not in errors
+        count = deli.open_run(folder / "point_mass.nc.partial")["trajectory"].sizes["time"]
+        assert 1 < count < 6001
+        assert call(*arguments, "--resume").exit_code == DONE
+        assert call(*arguments, "-o", "full.nc").exit_code == DONE
+        resumed, full = deli.open_run("point_mass.nc"), deli.open_run("full.nc")
+        xr.testing.assert_identical(resumed["trajectory"].to_dataset(), full["trajectory"].to_dataset())
+
+
+class TestPlainOutput:
+    def test_no_control_characters_without_a_terminal(self, folder):
+        process = deli_process("run", "point_mass", "--set", "steps=3000", cwd=folder)
+        output, errors = process.communicate(timeout=120)
+        assert process.returncode == DONE, errors
+        assert errors == ""
+        assert "complete" in output
+        assert not [character for character in output if ord(character) < 32 and character != "\n"]
+
+    def test_help_imports_nothing_heavy(self):
+        code = (
+            "import sys; from typer.testing import CliRunner; from deli.cli import app; "
+            "result = CliRunner().invoke(app, ['--help']); assert result.exit_code == 0, result.output; "
+            "print(*{'xarray', 'netCDF4', 'matplotlib', 'pydantic', 'cvxpy'} & set(sys.modules))"
+        )
+        output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        assert output.stdout.strip() == ""
+
+    @pytest.mark.parametrize("command", ["run", "plot", "check", "scenes", "methods", "backends"])
+    def test_every_command_has_help(self, command):
+        result = call(command, "--help")
+        assert result.exit_code == DONE
+        assert command in call("--help").stdout
+
+    def test_version(self):
+        assert call("--version").stdout == f"deli {deli.__version__}\n"
+
+
+class TestLists:
+    def test_scenes(self):
+        result = call("scenes")
+        assert result.exit_code == DONE
+        assert all(name in result.stdout for name in deli.scenes.available())
+
+    @pytest.mark.parametrize("name", deli.scenes.available())
+    def test_a_scene(self, name):
+        result = call("scenes", name)
+        assert result.exit_code == DONE
+        assert all(f"scene.{key}" in result.stdout for key in deli.scenes.get(name)().parameters)
+
+    def test_an_unknown_scene(self):
+        refused(call("scenes", "newton"), "did you mean 'newtons_cradle'")
+
+    def test_methods(self):
+        result = call("methods")
+        assert result.exit_code == DONE
+        for word in ("gvi", "discrete_smooth", "scheme = midpoint | verlet", "reflection = generalized | moreau"):
+            assert word in result.stdout
+
+    def test_backends(self):
+        import solvers
+
+        result = call("backends")
+        assert result.exit_code == DONE
+        assert all(info.name in result.stdout for info in solvers.backends())
+        assert "eps_abs" in result.stdout
+
+
+class TestPlotAndCheck:
+    @pytest.fixture
+    def recorded(self, folder):
+        assert call("run", "newtons_cradle", *SHORT, "-q").exit_code == DONE
+        return folder / "newtons_cradle.nc"
+
+    def test_plot(self, recorded, folder):
+        assert call("plot", recorded).exit_code == DONE
+        assert (folder / "newtons_cradle.png").exists()
+        assert call("plot", recorded, "-o", "other.svg").exit_code == DONE
+        assert (folder / "other.svg").exists()
+        refused(call("plot", "no.nc"), "no.nc does not exist")
+        refused(call("plot", recorded, "-o", "x.tiff"), "'.tiff'")
+
+    def test_check_accepts_a_sound_file(self, recorded):
+        result = call("check", recorded)
+        assert result.exit_code == DONE, result.output
+        assert "WRONG" not in result.stdout
+        assert "hamiltonian" in result.stdout
+
+    @pytest.mark.parametrize(
+        ("group", "name", "value", "what"),
+        [
+            ("trajectory", "position", 0.3, "hamiltonian"),
+            ("trajectory", "hamiltonian", 1.0, "hamiltonian"),
+            ("trajectory", "gap_min", 0.5, "gap_min"),
+            ("trajectory", "momentum", float("nan"), "finite values"),
+            ("trajectory", "time", 0.033, "times"),
+            ("solver_stats", "primal_residual", float("inf"), "finite values"),
+        ],
+    )
+    def test_check_finds_what_was_changed(self, recorded, group, name, value, what):
+        with netCDF4.Dataset(recorded, "a") as dataset:
+            dataset[group][name][5] = value
+        refused(call("check", recorded), "does not hold up", what)
+
+    def test_check_finds_a_broken_schema(self, recorded):
+        with netCDF4.Dataset(recorded, "a") as dataset:
+            dataset["trajectory"]["position"].delncattr("units")
+        result = call("check", recorded)
+        refused(result, "schema")
+        assert "trajectory/position has no units" in result.stdout
+
+    def test_check_finds_uncommitted_rows(self, recorded):
+        with netCDF4.Dataset(recorded, "a") as dataset:
+            dataset["committed_rows"][...] = 10
+        refused(call("check", recorded), "rows")
+
+    def test_check_of_a_custom_scene_says_what_it_cannot_check(self, folder):
+        scene = deli.Scene(mass=1.0, position=[0.0], momentum=[1.0])
+        deli.simulate(scene, deli.GVI(), step_size=0.1, steps=3, output="free.nc")
+        result = call("check", "free.nc")
+        assert result.exit_code == DONE
+        assert "not recomputed" in result.stdout
+
+    def test_check_of_a_config(self, folder):
+        (folder / "fall.toml").write_text('steps = 10\nscene = "point_mass"\n')
+        result = call("check", "fall.toml")
+        assert result.exit_code == DONE
+        assert "point_mass" in result.stdout
+        assert os.listdir(folder) == ["fall.toml"]
+        (folder / "bad.toml").write_text('step = 10\nscene = "point_mass"\n')
+        refused(call("check", "bad.toml"), "bad.toml: step is an unknown key", "did you mean 'steps'")
+
+    def test_check_of_something_else(self, folder):
+        (folder / "text.nc").write_text("hello")
+        refused(call("check", "text.nc"), "cannot be read as netCDF")
