@@ -5,6 +5,7 @@ composed here with the map from the problem's own Parameters to that vector. The
 cvxpy, therefore the result is compared with cvxpy's own ``apply_parameters`` whenever a problem is compiled.
 """
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -67,9 +68,11 @@ def canonicalize(problem: cp.Problem) -> Canonical:
             if parameter.attributes[attribute]:
                 raise SolverError(f"Parameter {parameter.name()!r} has the attribute {attribute}: not supported")
     own = cp.Problem(problem.objective, problem.constraints)  # leaves the caller's solver cache alone
-    with kept_values(problem):
+    with kept_values(problem), warnings.catch_warnings():
+        # cvxpy reads its own sparse Parameters in the way it warns about
+        warnings.filterwarnings("ignore", message=".*sparse CVXPY expression", category=RuntimeWarning)
         for parameter in problem.parameters():
-            parameter.project_and_assign(np.ones(parameter.shape))
+            parameter.save_value(np.ones(parameter.shape))
         try:
             data, chain, inverse = own.get_problem_data("OSQP", canon_backend="COO", enforce_dpp=True)
         except (DPPError, CvxpySolverError, cp.DCPError) as error:
@@ -89,8 +92,9 @@ def canonicalize(problem: cp.Problem) -> Canonical:
     answers = _probe_answers(problem, chain, inverse, parametrized)
     affine.theta[:-1] = np.nan  # refused until given
     for parameter in problem.parameters():
-        if parameter.value is not None:
-            views[parameter.name()][...] = parameter.value
+        value = value_of(parameter)
+        if value is not None:
+            views[parameter.name()][...] = value
     return Canonical(problem, affine, views, *answers)
 
 
@@ -105,6 +109,13 @@ def kept_values(problem: cp.Problem) -> Iterator[None]:
     finally:
         for leaf, value in saved:
             leaf._value = value
+
+
+def value_of(parameter: cp.Parameter) -> np.ndarray | None:
+    """Return a Parameter's value as a dense array, None if it has none."""
+    if parameter.attributes["sparsity"]:  # cvxpy warns when such a value is read the usual way
+        return None if parameter._value is None else np.asarray(parameter.value_sparse.toarray())
+    return None if parameter.value is None else np.asarray(parameter.value)
 
 
 def write_back(problem: cp.Problem, solution: Solution) -> None:

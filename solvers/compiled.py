@@ -141,6 +141,8 @@ class CompiledProblem:
         theta = self._map.theta
         if not math.isfinite(theta.dot(theta)):
             self._refuse_not_finite()
+        for check in self._checks:
+            check()
         self._map.apply()
         setup_time = solve_time = 0.0
         for member in range(len(self._members)):

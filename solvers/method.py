@@ -21,7 +21,7 @@ def register_solve_method(name: str = "compiled") -> None:
 
 
 def _solve(problem: Any, **keywords: Any) -> float:
-    from solvers.canonical import write_back
+    from solvers.canonical import value_of, write_back
 
     known = _compiled.setdefault(problem, {})
     key = repr(sorted(keywords.items()))
@@ -29,8 +29,9 @@ def _solve(problem: Any, **keywords: Any) -> float:
         known[key] = compile(problem, **keywords)
     values = {}
     for parameter in problem.parameters():
-        if parameter.value is None:
+        value = value_of(parameter)
+        if value is None:
             raise ParameterError(f"parameter {parameter.name()!r} has no value: set its .value first")
-        values[parameter.name()] = parameter.value
+        values[parameter.name()] = value
     write_back(problem, known[key].solve(**values))
     return float(problem.value)

@@ -66,7 +66,7 @@ class Reference(Backend):
         with kept_values(problem), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             for parameter in problem.parameters():
-                parameter.project_and_assign(self.canonical.views[parameter.name()].copy())
+                parameter.save_value(self.canonical.views[parameter.name()].copy())
             fresh = cp.Problem(problem.objective, problem.constraints)
             try:
                 fresh.solve(solver=self.solver, warm_start=False, **self._settings)
