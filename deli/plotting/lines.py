@@ -1,4 +1,4 @@
-"""Lines of any length: drawn as they are while short, as an envelope once there are more points than pixels."""
+"""Lines of any length: drawn as they are while the eye can follow them, as an envelope beyond that."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
-POINTS, BINS, MEANS = 6000, 700, 140
+POINTS, TURNS, BINS, MEANS = 6000, 300, 700, 140
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -23,13 +23,20 @@ def unit(units: str) -> str:
 
 
 def draw_line(axes: Axes, time: np.ndarray, values: np.ndarray, hue: str, label: str | None = None) -> None:
-    """Draw values over time; beyond `POINTS` points, their range and their running mean."""
-    if len(time) <= POINTS:
+    """Draw values over time; where they turn too often for the eye, their range and their running mean.
+
+    That is beyond `TURNS` turning points or `POINTS` points. A bin of the range spans some oscillations, so that the
+    range shows their amplitude and not where in the oscillation a bin ends.
+    """
+    turns = np.count_nonzero(np.diff(np.sign(np.diff(values))))
+    if turns <= TURNS and len(time) <= POINTS:
         axes.plot(time, values, color=hue, label=label, linewidth=0.9)
         return
-    middle, low = _binned(time, BINS, np.mean), _binned(values, BINS, np.min)
-    axes.fill_between(middle, low, _binned(values, BINS, np.max), color=hue, alpha=0.3, linewidth=0)
-    axes.plot(_binned(time, MEANS, np.mean), _binned(values, MEANS, np.mean), color=hue, label=label, linewidth=0.9)
+    bins = int(np.clip(turns // 6, MEANS // 2, BINS))
+    middle, low = _binned(time, bins, np.mean), _binned(values, bins, np.min)
+    axes.fill_between(middle, low, _binned(values, bins, np.max), color=hue, alpha=0.3, linewidth=0)
+    means = min(bins, MEANS)
+    axes.plot(_binned(time, means, np.mean), _binned(values, means, np.mean), color=hue, label=label, linewidth=0.9)
 
 
 def _binned(values: np.ndarray, bins: int, reduce: Callable[[np.ndarray], float]) -> np.ndarray:
