@@ -114,7 +114,8 @@ def kept_values(problem: cp.Problem) -> Iterator[None]:
 def value_of(parameter: cp.Parameter) -> np.ndarray | None:
     """Return a Parameter's value as a dense array, None if it has none."""
     if parameter.attributes["sparsity"]:  # cvxpy warns when such a value is read the usual way
-        return None if parameter._value is None else np.asarray(parameter.value_sparse.toarray())
+        entries = parameter.value_sparse if parameter._value is not None else None
+        return None if entries is None else np.asarray(entries.toarray())
     return None if parameter.value is None else np.asarray(parameter.value)
 
 

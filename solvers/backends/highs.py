@@ -29,17 +29,17 @@ class _QuietHighs(highspy.Highs):
 
 
 class HiGHS(Backend):
-    """Adapter of ``highspy.Highs``, whose multipliers have the opposite sign."""
+    """Adapter of ``highspy.Highs``, whose multipliers have the opposite sign.
+
+    Its method for quadratic programs is serial. The number of threads is left alone: the threads are shared by the
+    whole process, and after another user of HiGHS asked for a different number, no solve would start.
+    """
 
     name = "highs"
 
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None:
         self.program = program
-        self._settings = {
-            "threads": 1,
-            **tolerances.settings(self.name, tolerance),
-            **options,
-        }
+        self._settings = {**tolerances.settings(self.name, tolerance), **options}
         self._triangle, self._upper = program.quadratic.upper()
         self._matrix = program.matrix.to_sparse()
         self._solver: Any = None

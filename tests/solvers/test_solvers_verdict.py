@@ -225,3 +225,13 @@ def test_the_reference_reports_infeasible_problems():
     problem = INFEASIBLE[0]
     solution = solvers.compile(problem.model(), "cvxpy:CLARABEL").solve(**problem.values())
     assert solution.status is Status.INFEASIBLE
+
+
+def test_highs_works_after_cvxpy_used_it():
+    pytest.importorskip("highspy")
+    code = (
+        "import cvxpy as cp, solvers; x = cp.Variable(2, name='x');"
+        "problem = cp.Problem(cp.Minimize(cp.sum_squares(x - 1)), [x <= 0]);"
+        "problem.solve(solver='HIGHS'); assert solvers.compile(problem, 'highs').solve().ok"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
