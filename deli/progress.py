@@ -4,7 +4,7 @@ import sys
 import time
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 
 class ProgressBar:
@@ -12,29 +12,29 @@ class ProgressBar:
 
     Parameters
     ----------
-    title : str
-        What is run.
+    name : str
+        What is run, in a word.
     steps, done : int
         Steps in total, and those of earlier sessions.
     shown : bool
         Whether to show the bar at all.
     """
 
-    def __init__(self, title: str, steps: int, done: int, shown: bool) -> None:
+    def __init__(self, name: str, steps: int, done: int, shown: bool) -> None:
         console = Console(file=sys.stderr)
         self.active = shown and (console.is_terminal or console.is_jupyter)
         self._done = done
         if self.active:
             self._progress = Progress(
                 TextColumn("{task.description}"),
-                BarColumn(),
-                MofNCompleteColumn(),
-                TextColumn("{task.fields[rate]}  energy error {task.fields[error]:.1e}"),
+                BarColumn(bar_width=20),
+                TaskProgressColumn(),
+                TextColumn("{task.fields[rate]}, energy error {task.fields[error]:+.1e}"),
                 TimeRemainingColumn(),
                 console=console,
                 auto_refresh=False,
             )
-            self._task = self._progress.add_task(title, total=steps, completed=done, rate="", error=0.0)
+            self._task = self._progress.add_task(name, total=steps, completed=done, rate="starting", error=0.0)
 
     def __enter__(self) -> "ProgressBar":
         self._started = time.perf_counter()

@@ -48,7 +48,7 @@ class Session:
             self._recorder.add(0.0, self._q, self._p, None)
             self._recorder.flush()
         self._step = self._first_step = plan.step_of(self._recorder.rows - 1)
-        self._bar = ProgressBar(self._attributes["title"], plan.steps, self._step, progress)
+        self._bar = ProgressBar(plan.scene.name, plan.steps, self._step, progress)
         self._flushed = time.perf_counter()
 
     def run(self) -> xr.DataTree:
@@ -115,6 +115,7 @@ class Session:
                     self._look_up()
                     due = clock() + REFRESH_SECONDS
             self._recorder.add(self._step * self._plan.step_size, self._q, self._p, stats)
+        self._look_up()
         return COMPLETE
 
     def _look_up(self) -> None:

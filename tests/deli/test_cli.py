@@ -149,6 +149,27 @@ class TestPlainOutput:
         assert "complete" in output
         assert not [character for character in output if ord(character) < 32 and character != "\n"]
 
+    @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+    def test_a_bar_on_a_terminal(self, folder):
+        import pty
+
+        ours, theirs = pty.openpty()
+        arguments = ["run", "point_mass", "--set", "steps=3000"]
+        command = [sys.executable, "-m", "deli", *arguments]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=theirs, cwd=folder)
+        os.close(theirs)
+        shown = b""
+        try:
+            while piece := os.read(ours, 4096):
+                shown += piece
+        except OSError:  # how Linux says that the other end is closed
+            pass
+        finally:
+            os.close(ours)
+        assert process.wait(timeout=60) == DONE
+        for words in (b"point_mass", b"steps/s, energy error", b"100%"):
+            assert words in shown
+
     def test_help_imports_nothing_heavy(self):
         code = (
             "import sys; from typer.testing import CliRunner; from deli.cli import app; "
