@@ -1,12 +1,16 @@
 """Refine an answer by solving the linear system of its active set."""
 
+from functools import cached_property
+
 import numpy as np
-from scipy.linalg import cho_factor, lstsq, solve_triangular
+from scipy.linalg import cho_factor, lstsq
+from scipy.linalg.blas import dtrsm
 from scipy.optimize import nnls
 
 from solvers.program import QuadraticProgram
 
 ROUNDS = 10  # corrections of the guess; a solver's answer needs one or two
+EXACT = 1e-14  # natural residual that rounding alone explains: there is nothing to improve
 ROUNDOFF = 1e-13  # relative size below which a multiplier or slack of the wrong sign is taken for zero
 
 
@@ -27,6 +31,8 @@ class Polish:
 
     each term scaled as in `solvers.residuals`. Unlike the products of multiplier and slack it sees the error of
     the square root of the tolerance that interior-point methods leave where both vanish.
+
+    The linear algebra is dense: its time grows with the cube of variables and active rows.
     """
 
     def __init__(self, program: QuadraticProgram) -> None:
@@ -36,13 +42,18 @@ class Polish:
         """Return a better (x, y), or None if none was found."""
         program = self.program
         system = _System(program)
+        best, lowest = None, system.natural_residual(x, y)
+        if lowest <= EXACT:
+            return None
         equal = np.arange(program.rows) < program.equalities
         active = equal | (y > program.upper - system.A @ x)
-        best, lowest = None, system.natural_residual(x, y)
         tried = set()
         for _ in range(ROUNDS):
             tried.add(active.tobytes())
-            point, multipliers = system.solve(active, x)
+            try:
+                point, multipliers = system.solve(active, x)
+            except np.linalg.LinAlgError:  # a decomposition did not converge: what was found so far stands
+                break
             residual = system.natural_residual(point, multipliers)
             if residual < lowest:
                 best, lowest = (point, multipliers), residual
@@ -65,14 +76,16 @@ class _System:
         self.equalities = program.equalities
         self.q, self.u = program.linear, program.upper
         self.P, self.A = program.quadratic.to_dense(), program.matrix.to_dense()
+
+    @cached_property
+    def factor(self) -> np.ndarray | None:
+        """Lower Cholesky factor of P; None where P is only semidefinite."""
         try:
-            self.factor: np.ndarray | None = np.tril(cho_factor(self.P, lower=True)[0])
+            factor: np.ndarray = np.tril(cho_factor(self.P, lower=True)[0])
         except np.linalg.LinAlgError:
-            self.factor = None  # P is only semidefinite: solve the whole system instead
-        else:
-            diagonal = self.factor.diagonal()
-            if diagonal.min() < 1e-7 * diagonal.max():
-                self.factor = None
+            return None
+        diagonal = factor.diagonal()
+        return None if diagonal.min() < 1e-7 * diagonal.max() else factor
 
     def natural_residual(self, x: np.ndarray, y: np.ndarray) -> float:
         e = self.equalities
@@ -100,18 +113,21 @@ class _System:
     def _solve_projected(self, rows: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """In coordinates z = L'x the program is the projection of -L^-1 q onto an affine space."""
         L = self.factor
-        z = -solve_triangular(L, self.q, lower=True)
+        z = -_solve_lower(L, self.q)
         multipliers = np.zeros(target.size)
         if target.size:
-            U, sigma, Vt = np.linalg.svd(solve_triangular(L, rows.T, lower=True), full_matrices=False)
+            U, sigma, Vt = np.linalg.svd(_solve_lower(L, rows.T), full_matrices=False)
             kept = sigma > 1e-13 * max(sigma[0], np.finfo(float).tiny)
             U, sigma, Vt = U[:, kept], sigma[kept], Vt[kept]
             for _ in range(2):  # the second pass removes the rounding error of the first
-                x = solve_triangular(L, z, lower=True, trans="T")
+                x = _solve_lower(L, z, transposed=True)
                 step = (Vt @ (target - rows @ x)) / sigma
                 z = z + U @ step
                 multipliers = multipliers - Vt.T @ (step / sigma)
-        x = solve_triangular(L, z, lower=True, trans="T")
+        x = _solve_lower(L, z, transposed=True)
+        if target.size:  # the multipliers balance the forces at the rounded point, not at the exact one
+            unbalanced = -(self.P @ x + self.q) - rows.T @ multipliers
+            multipliers = multipliers + Vt.T @ ((U.T @ _solve_lower(L, unbalanced)) / sigma)
         return x, multipliers
 
     def _solve_whole(self, rows: np.ndarray, target: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -126,10 +142,20 @@ class _System:
         """Represent the force of the multipliers with nonnegative ones on inequality rows, if that is possible."""
         force = -(self.P @ x + self.q)
         columns = np.hstack((rows.T, -rows.T[:, free]))
-        parts, _ = nnls(columns, force)
+        try:
+            parts, _ = nnls(columns, force)
+        except RuntimeError:  # it gave up: the representation is only wanted, not needed
+            return multipliers
         represented = parts[: free.size].copy()
         represented[free] -= parts[free.size :]
         size = 1.0 + np.abs(force).max()
         if np.abs(rows.T @ represented - force).max() <= ROUNDOFF * size:
             return represented
         return multipliers
+
+
+def _solve_lower(L: np.ndarray, right: np.ndarray, transposed: bool = False) -> np.ndarray:
+    """Solve with a lower triangle; BLAS, unlike LAPACK's trtrs, takes no threads to small systems."""
+    columns = right.reshape(len(L), -1)
+    answer: np.ndarray = dtrsm(1.0, L, columns, lower=1, trans_a=int(transposed)).reshape(right.shape)
+    return answer

@@ -9,14 +9,15 @@ from deli.mechanics.constraints import ConstraintFamily
 from deli.mechanics.scene import Scene
 
 ROUNDING = 1e-12  # scaled gap below which a constraint is violated by more than rounding
+_ROUNDOFF = 8 * np.finfo(float).eps  # of the momenta of all bodies, which leaks into each of them
 
 
 class Contacts:
     """Values and gradients of a scene's constraints, and the scaled zero of each.
 
     "g = 0" means ``|g_i| ≤ τ L |∇g_i(q₀)|`` with L the scene's length; "∇gᵀv = 0" means
-    ``|∇g_iᵀv| ≤ τ ‖∇g_i‖ (‖p‖ + ‖impulse of the forces in one step‖)``, norms in the metric M⁻¹. Both are unchanged by
-    units and by how a constraint is scaled.
+    ``|∇g_iᵀv| ≤ τ ‖∇g_i‖ (‖p‖ + ‖impulse of the forces in one step‖)``, norms in the metric M⁻¹ over the bodies that
+    the constraint touches. Both are unchanged by units and by how a constraint is scaled.
 
     Parameters
     ----------
@@ -30,6 +31,7 @@ class Contacts:
             raise InputError(f"contact_tolerance is {tolerance!r}; allowed: 0 < contact_tolerance < 1.")
         self.tolerance = tolerance
         self._inverse_mass = 1.0 / scene.mass
+        self._dimension = scene.dimension
         self._unilateral = scene.unilateral
         self._bilateral = scene.bilateral
         self.rows = scene.unilateral.rows
@@ -68,13 +70,19 @@ class Contacts:
     def velocity_zero(self, gradients: np.ndarray, momentum: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Normal velocities of the given rows below which they count as zero, shape (rows,)."""
         inverse_mass = self._inverse_mass
-        speed = np.sqrt((momentum * momentum) @ inverse_mass) + np.sqrt((force * force) @ inverse_mass)
-        return self.tolerance * speed * np.sqrt((gradients * gradients) @ inverse_mass)
+        squares = np.stack((momentum * momentum, force * force)) * inverse_mass
+        by_body = squares.reshape(2, -1, self._dimension).sum(axis=2)
+        touched = (gradients != 0.0).reshape(len(gradients), -1, self._dimension).any(axis=2)
+        speed = np.sqrt(by_body @ touched.T).sum(axis=0) * self.tolerance
+        speed += np.sqrt(by_body.sum(axis=1)).sum() * _ROUNDOFF
+        return speed * np.sqrt((gradients * gradients) @ inverse_mass)
 
     def smooth(
         self, candidates: np.ndarray, gradients: np.ndarray, momentum: np.ndarray, force: np.ndarray
     ) -> np.ndarray:
         """Indices of 𝕊 among touching constraints: those whose normal velocity is zero (7.1)."""
+        if not len(candidates):
+            return candidates
         rows = gradients[candidates]
         normal = rows @ (momentum * self._inverse_mass)
         return candidates[np.abs(normal) <= self.velocity_zero(rows, momentum, force)]

@@ -159,7 +159,9 @@ class GVIStepper(Stepper):
             smooth = contacts.smooth(np.flatnonzero(touching), gradients, reflected, force)
         else:
             self.stats.skip(REFLECTION)
-        pressing = np.union1d(smooth, np.flatnonzero(landing)) if landing.any() else smooth
+        pressing = smooth
+        if landing.any():
+            pressing = np.concatenate((smooth, np.setdiff1d(np.flatnonzero(landing), smooth)))
         return self._move(position, reflected, pressing, prediction, free=reflected is momentum), smooth
 
 

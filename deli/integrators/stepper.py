@@ -82,6 +82,8 @@ class Stepper(ABC):
         StepError
             If a subproblem could not be solved, or the state is no longer finite.
         """
+        # Values are remembered by the identity of arrays, so an array that somebody may write to is copied.
+        position, momentum = _own(position), _own(momentum)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             moved, carried = self._step(position, momentum)
         if not (np.isfinite(moved).all() and np.isfinite(carried).all()):
@@ -114,6 +116,14 @@ class Stepper(ABC):
         momentum = self._mass * update.velocity + self._forces.second(position, moved, update.force)
         active = smooth
         if len(smooth):
-            active = smooth[contacts.touching(moved)[smooth]]
+            opened = smooth[update.pressed[: len(smooth)] < update.gaps[: len(smooth)]]
+            active = np.setdiff1d(smooth[contacts.touching(moved)[smooth]], opened)
         gradients = contacts.gradients(moved)[active] if len(active) else contacts.no_rows
         return self._projection.solve(momentum, gradients, contacts.bilateral(moved))
+
+
+def _own(array: np.ndarray) -> np.ndarray:
+    if array.flags.writeable or array.base is not None:
+        array = np.array(array, dtype=float)
+        array.flags.writeable = False
+    return array

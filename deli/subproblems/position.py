@@ -4,13 +4,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dpotrs
 
 from deli.errors import StepError
 from deli.mechanics.scene import Scene
 from deli.subproblems.choices import SolverChoice
 from deli.subproblems.forces import Forces
-from deli.subproblems.linear import EqualityProjection
+from deli.subproblems.newton import Newton
 from deli.subproblems.program import Multipliers, Program
 from deli.subproblems.stats import StepStats
 
@@ -19,9 +18,12 @@ if TYPE_CHECKING:
 
 POSITION = 1
 _TARGET = 1e-14  # scaled residual at which the iteration is done
-_ACCEPTED = 1e-10  # scaled residual with which one that no longer improves is accepted, or ten solver tolerances
-_ITERATIONS = 100
-_PATIENCE = 3  # iterations without halving the residual before the iteration is taken to have reached its floor
+_ACCEPTED = 1e-10  # scaled residual accepted of an iteration that has reached its floor
+_SLACK = 10.0  # what is accepted instead of an unpolished solver, in its tolerances
+_ITERATIONS = 200
+_PROGRESS = 0.9  # factor by which a residual has to fall to count as progress
+_PATIENCE = 3  # iterations without progress after which the floor is reached
+_ROUNDING = 8 * np.finfo(float).eps
 
 
 def model(mass: np.ndarray, rows: int, bilateral_rows: int) -> "cp.Problem":
@@ -63,18 +65,31 @@ def _linearization(mass: np.ndarray, rows: int, bilateral_rows: int, newton: boo
 
 @dataclass(frozen=True)
 class Update:
-    """A trial or final x = q + h v, with the force of the first slot there."""
+    """A trial or final x = q + h v.
+
+    Attributes
+    ----------
+    position, velocity, force : (dof,) arrays
+        x, v = (x − q)/h, and the force of the first slot at (q, x).
+    gaps, pressed : (m,) arrays
+        g_i(x) in units of the scene's length, and λ_i|∇g_i| in units of the step's impulses, for its rows.
+    residuals : (float, float, float)
+        Scaled residuals, primal, dual and complementarity, of the nonlinear system (7.3, 7.4, 7.8).
+    """
 
     position: np.ndarray
     velocity: np.ndarray
     force: np.ndarray
+    gaps: np.ndarray
+    pressed: np.ndarray
+    residuals: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class _Constraints:
-    """The rows of one position update: gradients at q, values wherever they are asked for."""
+class _Rows:
+    """The constraints of one position update, with their gradients at q."""
 
-    rows: np.ndarray
+    chosen: np.ndarray
     gradients: np.ndarray
     bilateral: np.ndarray
 
@@ -106,20 +121,20 @@ class Position:
     ) -> None:
         self._scene = scene
         self._forces = forces
+        self._root = np.sqrt(scene.mass)
         self._gap_scale = gap_scale
         self._bilateral_scale = bilateral_scale
+        self._choice = choice
         self._stats = stats
         self._skip = skip
-        self._tolerance = max(_ACCEPTED, 10 * choice.tolerance)
-        self._mass_matrix = np.diag(scene.mass)
-        self._free = _Constraints(np.zeros(0, dtype=int), np.zeros((0, scene.dof)), np.zeros((0, scene.dof)))
+        self._newton = Newton(scene.mass, forces)
+        self._free = _Rows(np.zeros(0, dtype=int), np.zeros((0, scene.dof)), np.zeros((0, scene.dof)))
         linearize = newton_model if forces.newton else model
         self.program = Program(POSITION, linearize, scene.mass, choice, stats, measured=False)
 
     def predict(self, position: np.ndarray, momentum: np.ndarray) -> Update:
         """Return the unconstrained step: x with D₁L_d(q, x) + p = 0 (8.1)."""
-        start = self._at(position, momentum / self._scene.mass)
-        return self._iterate(position, momentum, self._free, start, through_model=False)[0]
+        return self._iterate(position, momentum, self._free, momentum / self._scene.mass, through_model=False)
 
     def solve(
         self,
@@ -146,127 +161,108 @@ class Position:
         Raises
         ------
         StepError
-            If the nonlinear system is not solved to a scaled residual of 1e-10 (or ten solver tolerances).
+            If the nonlinear system is not solved to a scaled residual of 1e-10 (or, by a solver that is not polished,
+            to ten of its tolerances).
         """
         through_model = len(rows) > 0 or not self._skip
         if not through_model:
             self._stats.skip(POSITION)
-        constraints = _Constraints(rows, gradients, bilateral)
-        update, residuals = self._iterate(position, momentum, constraints, guess, through_model)
-        self._stats.measure(POSITION, *residuals)
+        update = self._iterate(position, momentum, _Rows(rows, gradients, bilateral), guess.velocity, through_model)
+        self._stats.measure(POSITION, *update.residuals)
         return update
 
     def _iterate(
-        self,
-        position: np.ndarray,
-        momentum: np.ndarray,
-        constraints: _Constraints,
-        guess: Update,
-        through_model: bool,
-    ) -> tuple[Update, tuple[float, float, float]]:
-        mass = self._scene.mass
-        equalities = None
-        if not through_model and len(constraints.bilateral) and not self._forces.newton:
-            equalities = EqualityProjection(constraints.bilateral, constraints.bilateral / mass)
-        update = guess
-        gaps, mismatch = self._values(update.position, constraints)
-        best, stalled = np.inf, 0
+        self, position: np.ndarray, momentum: np.ndarray, rows: _Rows, velocity: np.ndarray, through_model: bool
+    ) -> Update:
+        step_size = self._forces.step_size
+        exact = self._choice.polish or not through_model
+        accepted = _ACCEPTED if exact else max(_ACCEPTED, _SLACK * self._choice.tolerance)
+        moved = position + step_size * velocity
+        force, gaps, mismatch = self._evaluate(position, moved, rows)
+        best, least, stalled = None, np.inf, 0
         for _ in range(_ITERATIONS):
-            metric, linear = self._metric(position, momentum, update)
-            bounds = constraints.gradients @ update.velocity - gaps / self._forces.step_size
-            targets = constraints.bilateral @ update.velocity - mismatch / self._forces.step_size
+            linearization = self._newton.at(position, momentum, velocity, moved, force)
+            targets = rows.bilateral @ velocity - mismatch / step_size
             if through_model:
+                bounds = rows.gradients @ velocity - gaps / step_size
                 answer = self.program.solve(
-                    linear,
-                    constraints.gradients,
-                    bounds,
-                    constraints.bilateral,
-                    targets,
-                    (self._mass_matrix if metric is None else metric[0]) if self._forces.newton else None,
+                    linearization.linear, rows.gradients, bounds, rows.bilateral, targets, linearization.matrix
                 )
             else:
-                answer = self._solve_linear(metric, linear, constraints.bilateral, targets, equalities)
-            update = self._at(position, answer.velocity)
-            gaps, mismatch = self._values(update.position, constraints)
-            residuals = self._residuals(momentum, constraints, update, answer, gaps, mismatch)
-            worst = max(residuals)
-            stalled = 0 if worst < 0.5 * best else stalled + 1
-            best = min(best, worst)
-            if worst <= _TARGET or (stalled >= _PATIENCE and worst <= min(self._tolerance, 2.0 * best)):
-                return update, residuals
-            if not np.isfinite(worst):
+                answer = self._newton.solve(linearization, rows.bilateral, targets)
+            velocity = answer.velocity
+            moved = position + step_size * velocity
+            force, gaps, mismatch = self._evaluate(position, moved, rows)
+            update = self._judge(momentum, rows, moved, answer, force, gaps, mismatch)
+            worst = max(update.residuals) if exact else self._certified(update)
+            stalled = 0 if worst < _PROGRESS * least else stalled + 1
+            if best is None or worst < least:
+                best, least = update, worst
+            if least <= _TARGET or (stalled >= _PATIENCE and least <= accepted) or not np.isfinite(worst):
                 break
+        if best is not None and least <= max(accepted, self._floor(position, momentum, best)):
+            return best
+        residuals = (np.nan,) * 3 if best is None else best.residuals
         raise StepError(
-            f"position: the update did not converge: scaled residuals are primal {residuals[0]:.1e}, "
-            f"dual {residuals[1]:.1e}, complementarity {residuals[2]:.1e} where {self._tolerance:.0e} is allowed; "
-            f"use a smaller step_size, a tighter solver tolerance, or supply the potential's hessian."
+            f"position: the update with {len(rows.chosen)} unilateral and {len(rows.bilateral)} bilateral constraints "
+            f"did not converge: scaled residuals are primal {residuals[0]:.1e}, dual {residuals[1]:.1e}, "
+            f"complementarity {residuals[2]:.1e} where {accepted:.0e} is allowed; use a smaller step_size, polish = true or a "
+            f"tighter tolerance, or a potential with a hessian."
         )
 
-    def _at(self, position: np.ndarray, velocity: np.ndarray) -> Update:
-        moved = position + self._forces.step_size * velocity
-        return Update(moved, velocity, self._forces.first(position, moved))
+    def _evaluate(
+        self, position: np.ndarray, moved: np.ndarray, rows: _Rows
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Force of the first slot at (q, x), g_𝕊(x) and f(x)."""
+        gaps = self._scene.unilateral.value(moved)[rows.chosen] if len(rows.chosen) else _NONE
+        mismatch = self._scene.bilateral.value(moved) if len(rows.bilateral) else _NONE
+        return self._forces.first(position, moved), gaps, mismatch
 
-    def _values(self, position: np.ndarray, constraints: _Constraints) -> tuple[np.ndarray, np.ndarray]:
-        gaps = self._scene.unilateral.value(position)[constraints.rows] if len(constraints.rows) else _NONE
-        mismatch = self._scene.bilateral.value(position) if len(constraints.bilateral) else _NONE
-        return gaps, mismatch
-
-    def _metric(
-        self, position: np.ndarray, momentum: np.ndarray, update: Update
-    ) -> tuple[tuple[np.ndarray, np.ndarray] | None, np.ndarray]:
-        """Return (A, its Cholesky factor), or None for A = M, and ŵ."""
-        if self._forces.newton:
-            stiffness = self._forces.stiffness(position, update.position)
-            metric = self._mass_matrix + stiffness
-            factor, info = dpotrf(metric, lower=1)
-            if info == 0:
-                return (metric, factor), momentum + update.force + stiffness @ update.velocity
-        return None, momentum + update.force
-
-    def _solve_linear(
-        self,
-        metric: tuple[np.ndarray, np.ndarray] | None,
-        linear: np.ndarray,
-        bilateral: np.ndarray,
-        targets: np.ndarray,
-        equalities: EqualityProjection | None,
-    ) -> Multipliers:
-        mass = self._scene.mass
-        velocity = linear / mass if metric is None else dpotrs(metric[1], linear, lower=1)[0]
-        if not len(bilateral):
-            return Multipliers(velocity, _NONE, _NONE)
-        if equalities is None:
-            response = bilateral / mass if metric is None else dpotrs(metric[1], bilateral.T, lower=1)[0].T
-            equalities = EqualityProjection(bilateral, response)
-        multipliers = equalities.multipliers(targets - bilateral @ velocity)
-        return Multipliers(velocity + multipliers @ equalities.response, _NONE, multipliers)
-
-    def _residuals(
+    def _judge(
         self,
         momentum: np.ndarray,
-        constraints: _Constraints,
-        update: Update,
+        rows: _Rows,
+        moved: np.ndarray,
         answer: Multipliers,
+        force: np.ndarray,
         gaps: np.ndarray,
         mismatch: np.ndarray,
-    ) -> tuple[float, float, float]:
-        """Scaled residuals (primal, dual, complementarity) of the nonlinear system (7.3, 7.4, 7.8)."""
-        carried = self._scene.mass * update.velocity
-        force_error = carried - momentum - update.force
-        impulse = max(np.abs(carried).max(), np.abs(momentum).max(), np.abs(update.force).max()) or 1.0
+    ) -> Update:
+        """Measure the residuals of (7.3, 7.4, 7.8) at x; impulses are compared in the metric of the masses."""
+        carried = self._scene.mass * answer.velocity
+        error = carried - momentum - force
+        impulse = float(np.abs(np.stack((carried, momentum, force)) / self._root).max()) or 1.0
         primal = complementarity = 0.0
+        pressed = scaled = _NONE
         if len(gaps):
-            force_error -= answer.unilateral @ constraints.gradients
-            scale = self._gap_scale[constraints.rows]
-            scaled = gaps / scale
-            primal = max(0.0, -scaled.min())
-            # λ times the norm of its gradient is an impulse.
-            pressed = answer.unilateral * (scale / self._scene.length_scale) / impulse
-            complementarity = np.abs(np.minimum(pressed, scaled)).max()
+            error -= answer.unilateral @ rows.gradients
+            normals = rows.gradients / self._root
+            pressed = answer.unilateral * np.sqrt(np.einsum("ij,ij->i", normals, normals)) / impulse
+            scaled = gaps / self._gap_scale[rows.chosen]
+            primal = max(0.0, -float(scaled.min()))
+            complementarity = float(np.abs(np.minimum(pressed, scaled)).max())
         if len(mismatch):
-            force_error -= answer.bilateral @ constraints.bilateral
-            primal = max(primal, np.abs(mismatch / self._bilateral_scale).max())
-        return float(primal), float(np.abs(force_error).max() / impulse), float(complementarity)
+            error -= answer.bilateral @ rows.bilateral
+            primal = max(primal, float(np.abs(mismatch / self._bilateral_scale).max()))
+        dual = float(np.abs(error / self._root).max()) / impulse
+        return Update(moved, answer.velocity, force, scaled, pressed, (primal, dual, complementarity))
+
+    def _certified(self, update: Update) -> float:
+        """The residual that an interior-point solver can vouch for: products λg in place of min(λ, g)."""
+        primal, dual, _ = update.residuals
+        product = float(np.abs(update.pressed * update.gaps).max(initial=0.0))
+        negative = -float(update.pressed.min(initial=0.0))
+        return max(primal, dual, product, negative)
+
+    def _floor(self, position: np.ndarray, momentum: np.ndarray, update: Update) -> float:
+        """What rounding of x alone leaves of the residuals: far from the origin, or of a stiff force."""
+        reach = np.abs(update.position)
+        floor = float(reach.max()) / self._scene.length_scale
+        if self._forces.newton:
+            stiffness = np.abs(self._forces.stiffness(position, update.position))
+            impulse = float(np.abs(np.stack((momentum, update.force)) / self._root).max()) or 1.0
+            floor = max(floor, float((stiffness @ reach / self._root).max()) / (self._forces.step_size * impulse))
+        return _ROUNDING * floor
 
 
 _NONE = np.zeros(0)

@@ -9,6 +9,7 @@ import numpy as np
 import solvers
 from deli.errors import StepError
 from deli.subproblems.choices import SUBPROBLEMS, SolverChoice
+from deli.subproblems.linear import independent_rows
 from deli.subproblems.stats import StepStats
 
 if TYPE_CHECKING:
@@ -32,8 +33,9 @@ class Program:
 
     ``minimize ½ vᵀA v − ŵᵀv  subject to  N v ≥ b (λ ≥ 0),  F v = c (ν)``, so that ``A v − ŵ = Nᵀλ + Fᵀν``.
 
-    Speeds, masses and gradients are divided by their own scales before a solver sees them, so that a tolerance means
-    the same in any units. Problems are compiled once for each padded number of rows.
+    A solver sees z = √M v / s with s a speed of the problem at hand, and rows of unit length, so that a tolerance
+    means the same in any units and for any masses: with A = M the model's masses are all one. Of equality rows that
+    depend on each other it sees an independent set. Problems are compiled once for each padded number of rows.
 
     Parameters
     ----------
@@ -43,8 +45,7 @@ class Program:
         ``model(mass, rows, bilateral_rows)`` returns the `cvxpy.Problem`.
     mass : (dof,) array
     choice : SolverChoice
-    padded : bool
-        Whether rows may be padded to a few sizes (with rows that cannot bind); equality rows may not.
+    stats : StepStats
     measured : bool
         Whether the residuals of each solve are the subproblem's own and so recorded.
     """
@@ -56,18 +57,16 @@ class Program:
         mass: np.ndarray,
         choice: SolverChoice,
         stats: StepStats,
-        padded: bool = True,
         measured: bool = True,
     ) -> None:
         self._subproblem = subproblem
         self._model = model
-        self._mass_scale = float(mass.mean())
-        self._mass = mass / self._mass_scale
+        self._root = np.sqrt(mass)
         self._choice = choice
         self._stats = stats
-        self._padded = padded
         self._measured = measured
         self._compiled: dict[tuple[int, int], solvers.CompiledProblem] = {}
+        self._independent: tuple[np.ndarray, np.ndarray | None] | None = None
         self.backends: set[str] = set()
 
     def solve(
@@ -97,50 +96,59 @@ class Program:
         StepError
             When no answer within a thousand tolerances was found.
         """
+        chosen = self._choose(bilateral)
+        equalities = bilateral if chosen is None else bilateral[chosen]
         rows = len(gradients)
-        compiled = self._program(rows, len(bilateral))
-        row_scale, target_scale = _norms(gradients), _norms(bilateral)
-        mass_scale = self._mass_scale
-        speed = float(np.abs(linear).max()) / mass_scale
-        if bounds is not None and rows:
-            speed = max(speed, float(np.abs(bounds / row_scale).max()))
-        if targets is not None and len(targets):
-            speed = max(speed, float(np.abs(targets / target_scale).max()))
-        speed = speed or 1.0
-
+        compiled = self._program(rows, len(equalities))
         data = compiled.parameters
-        np.divide(linear, -speed * mass_scale, out=data["linear"])
+        normals, lengths = _unit(gradients / self._root)
         if rows:
-            np.divide(gradients, row_scale[:, None], out=data["gradients"][:rows])
-            if bounds is not None:
-                data["bounds"][:rows] = bounds / (speed * row_scale)
-            if "bounds" in data:
-                if bounds is None:
-                    data["bounds"][:rows] = 0.0
-                data["gradients"][rows:] = 0.0
-                data["bounds"][rows:] = -1.0
-        if len(bilateral):
-            np.divide(bilateral, target_scale[:, None], out=data["bilateral"])
-            if targets is not None:
-                data["targets"][:] = targets / (speed * target_scale)
+            data["gradients"][:rows] = normals
+            data["gradients"][rows:] = 0.0
+            data["bounds"][rows:] = -1.0
+        tangents, spans = _unit(equalities / self._root)
+        if len(equalities):
+            data["bilateral"][:] = tangents
+        pull = linear / self._root
+        speed = float(np.abs(pull).max())
+        if bounds is not None and rows:
+            bounds = bounds / lengths
+            speed = max(speed, float(np.abs(bounds).max()))
+        if targets is not None and len(equalities):
+            targets = (targets if chosen is None else targets[chosen]) / spans
+            speed = max(speed, float(np.abs(targets).max()))
+        speed = speed or 1.0
+        np.divide(pull, -speed, out=data["linear"])
+        if rows:
+            data["bounds"][:rows] = 0.0 if bounds is None else bounds / speed
+        if targets is not None and len(equalities):
+            np.divide(targets, speed, out=data["targets"])
         if metric is not None:
-            np.divide(metric, mass_scale, out=data["metric"])
+            np.divide(metric, np.outer(self._root, self._root), out=data["metric"])
 
         solution = compiled.solve()
-        self._account(solution, rows + len(bilateral))
-        impulse = speed * mass_scale
+        self._account(solution, rows + len(equalities))
         duals = iter(solution.dual)
-        unilateral_dual = next(duals)[:rows] * impulse / row_scale if rows else _EMPTY
-        bilateral_dual = next(duals) * (-impulse) / target_scale if len(bilateral) else _EMPTY
-        return Multipliers(solution.primal["velocity"] * speed, unilateral_dual, bilateral_dual)
+        unilateral_dual = next(duals)[:rows] * (speed / lengths) if rows else _EMPTY
+        bilateral_dual = np.zeros(len(bilateral))
+        if len(equalities):
+            # cvxpy's multiplier of an equality has the opposite sign.
+            bilateral_dual[slice(None) if chosen is None else chosen] = next(duals) * (-speed / spans)
+        return Multipliers(solution.primal["velocity"] * (speed / self._root), unilateral_dual, bilateral_dual)
+
+    def _choose(self, bilateral: np.ndarray) -> np.ndarray | None:
+        """Indices of independent rows, None for all; found once for the solves that share their gradients."""
+        if self._independent is None or self._independent[0] is not bilateral:
+            self._independent = (bilateral, independent_rows(bilateral / self._root))
+        return self._independent[1]
 
     def _program(self, rows: int, bilateral_rows: int) -> "solvers.CompiledProblem":
-        size = next((size for size in _SIZES if size >= rows), rows) if self._padded else rows
+        size = next((size for size in _SIZES if size >= rows), rows)
         key = (size, bilateral_rows)
         if key not in self._compiled:
             choice = self._choice
             self._compiled[key] = solvers.compile(
-                self._model(self._mass, size, bilateral_rows),
+                self._model(np.ones(len(self._root)), size, bilateral_rows),
                 choice.backend,
                 tolerance=choice.tolerance,
                 polish=choice.polish,
@@ -167,7 +175,8 @@ class Program:
 _EMPTY = np.zeros(0)
 
 
-def _norms(rows: np.ndarray) -> np.ndarray:
-    norms = np.sqrt(np.einsum("ij,ij->i", rows, rows))
-    norms[norms == 0] = 1.0
-    return norms
+def _unit(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of unit length, and the lengths they had (1 for a zero row)."""
+    lengths = np.sqrt(np.einsum("ij,ij->i", rows, rows))
+    lengths[lengths == 0] = 1.0
+    return rows / lengths[:, None], lengths

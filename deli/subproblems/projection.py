@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 PROJECTION = 2
 
 
-def model(mass: np.ndarray, smooth_rows: int, bilateral_rows: int) -> "cp.Problem":
+def model(mass: np.ndarray, _rows: int, tangent_rows: int) -> "cp.Problem":
     """Nearest velocity, in kinetic energy, that is tangent to all smooth and bilateral constraints at x.
 
-    ``minimize ½|v − v̂|²_M  subject to  N_𝕊(x)ᵀv = 0 (μ),  F(x)ᵀv = 0 (ξ)``,  with v̂ = M⁻¹D₂L_d(q, x).
+    ``minimize ½|v − v̂|²_M  subject to  [N_𝕊(x) F(x)]ᵀv = 0  (μ, ξ)``,  with v̂ = M⁻¹D₂L_d(q, x).
     """
     import cvxpy as cp
 
@@ -26,12 +26,9 @@ def model(mass: np.ndarray, smooth_rows: int, bilateral_rows: int) -> "cp.Proble
     linear = cp.Parameter(len(mass), name="linear")  # −M v̂
     objective = 0.5 * cp.quad_form(velocity, np.diag(mass)) + linear @ velocity
     constraints = []
-    if smooth_rows:
-        gradients = cp.Parameter((smooth_rows, len(mass)), name="gradients")
-        constraints.append(gradients @ velocity == 0)
-    if bilateral_rows:
-        bilateral = cp.Parameter((bilateral_rows, len(mass)), name="bilateral")
-        constraints.append(bilateral @ velocity == 0)
+    if tangent_rows:
+        tangents = cp.Parameter((tangent_rows, len(mass)), name="bilateral")
+        constraints.append(tangents @ velocity == 0)
     return cp.Problem(cp.Minimize(objective), constraints)
 
 
@@ -45,7 +42,8 @@ class Projection:
         self._mass = mass
         self._stats = stats
         self._skip = skip
-        self.program = Program(PROJECTION, model, mass, choice, stats, padded=False)
+        self._no_rows = np.zeros((0, len(mass)))
+        self.program = Program(PROJECTION, model, mass, choice, stats)
 
     def solve(self, momentum: np.ndarray, gradients: np.ndarray, bilateral: np.ndarray) -> np.ndarray:
         """Return the projected momentum.
@@ -57,11 +55,11 @@ class Projection:
         gradients, bilateral : (rows, dof) arrays
             N_𝕊(x) and F(x), one row a constraint.
         """
-        if self._skip:
-            self._stats.skip(PROJECTION)
-            if not len(gradients) and not len(bilateral):
-                return momentum
-            rows = np.concatenate((gradients, bilateral)) if len(gradients) else bilateral
-            velocity, _ = EqualityProjection(rows, rows / self._mass).project(momentum / self._mass)
-            return velocity * self._mass
-        return self.program.solve(momentum, gradients, None, bilateral).velocity * self._mass
+        rows = np.concatenate((gradients, bilateral)) if len(gradients) else bilateral
+        if not self._skip:
+            return self.program.solve(momentum, self._no_rows, None, rows).velocity * self._mass
+        self._stats.skip(PROJECTION)
+        if not len(rows):
+            return momentum
+        velocity, _ = EqualityProjection(rows, rows / self._mass).project(momentum / self._mass)
+        return velocity * self._mass

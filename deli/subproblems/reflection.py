@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 REFLECTION = 0
 OPERATORS = ("generalized", "moreau", "sequential")
 ENERGIES = ("hamiltonian", "numerical")
-_PASSES = 1000  # far beyond what a terminating sequence takes: n touching balls need fewer than n² passes
+_PASSES = 1000
+_MOST_PASSES = 1_000_000
+_SAME = 1e-10  # relative difference of two momenta that are one
 
 
 def model(mass: np.ndarray, rows: int, bilateral_rows: int) -> "cp.Problem":
@@ -85,6 +87,9 @@ class Reflection:
         self._mass = mass
         self._operator = operator
         self._metric = metric
+        # n equal balls in a row need fewer than n² passes; a light one between heavy ones rattles as often as the root
+        # of the masses' ratio.
+        self._rattle = 4.0 * np.sqrt(mass.max() / mass.min())
         self._stats = stats
         self._skip = skip
         self.program = Program(REFLECTION, model, mass, choice, stats)
@@ -117,12 +122,14 @@ class Reflection:
         Raises
         ------
         StepError
-            If contacts still approach after a thousand passes, or a solver fails.
+            If no momentum lets all contacts separate, contacts still approach after a great many passes, or a solver
+            fails.
         """
         reflected = np.zeros(len(gradients), dtype=bool)
         bilateral_projection = EqualityProjection(bilateral, bilateral / self._mass) if len(bilateral) else None
-        last = -1
-        for passes in range(_PASSES):
+        limit = min(_MOST_PASSES, _PASSES + int(self._rattle * len(gradients) ** 2))
+        last, before = -1, None
+        for passes in range(limit):
             approach = gradients @ (momentum / self._mass)
             violated = approach < -velocity_tolerance
             if not violated.any():
@@ -139,11 +146,21 @@ class Reflection:
             else:
                 selected = violated
             reflected |= selected
-            momentum = self._reflect(position, momentum, gradients[selected], bilateral, bilateral_projection)
+            turned = self._reflect(position, momentum, gradients[selected], bilateral, bilateral_projection)
+            if before is not None and self._norm(turned - before) <= _SAME * self._norm(turned):
+                raise StepError(
+                    f"reflection: {self._operator!r} turns back and forth between {len(gradients)} contacts that leave "
+                    f"the momentum no direction in which all of them separate; use a smaller step_size, so that "
+                    f"fewer of them are met at once."
+                )
+            before, momentum = momentum, turned
         raise StepError(
             f"reflection: {self._operator!r} left {int(violated.sum())} of {len(gradients)} contacts approaching "
-            f"(fastest at {approach.min():.2e}) after {_PASSES} passes; try another operator or a smaller step_size."
+            f"(fastest at {approach.min():.2e}) after {limit} passes; try another operator or a smaller step_size."
         )
+
+    def _norm(self, momentum: np.ndarray) -> float:
+        return float(np.sqrt(momentum @ (momentum / self._mass)))
 
     def _reflect(
         self,
@@ -153,34 +170,55 @@ class Reflection:
         bilateral: np.ndarray,
         bilateral_projection: EqualityProjection | None,
     ) -> np.ndarray:
-        if self._metric is not None:
-            projected = rows
-            if bilateral_projection is not None:
-                projected = np.array([bilateral_projection.project(row / self._mass)[0] * self._mass for row in rows])
-            impulse = self._numerical_impulse(projected, momentum, self._metric(position))
-            if impulse @ impulse > 0:
-                return momentum + impulse
-            # A contact can graze: approach in M⁻¹ while it recedes in W. Then no positive impulse conserves ½pᵀWp, and
-            # the Hamiltonian, which differs from it by O(h²) of a grazing impulse, is conserved instead.
-        if self._skip and len(rows) == 1:
-            self._stats.skip(REFLECTION)
-            normal = rows[0]
-            if bilateral_projection is not None:
-                normal = bilateral_projection.project(normal / self._mass)[0] * self._mass
-            response = normal / self._mass
-            return momentum - (2.0 * (response @ momentum) / (response @ normal)) * normal
-        answer = self.program.solve(2.0 * momentum, rows, None, bilateral)
-        impulse = answer.unilateral @ rows
-        if len(bilateral):
-            impulse += answer.bilateral @ bilateral
-        return momentum + impulse
+        if self._metric is None:
+            return momentum + self._impulse(momentum, rows, bilateral, bilateral_projection)
+        impulse = self._numerical_impulse(position, momentum, rows, bilateral_projection)
+        approach = (rows @ (momentum / self._mass)).min()
+        if (rows @ ((momentum + impulse) / self._mass)).min() >= 0.5 * approach:
+            return momentum + impulse
+        # Contacts that graze approach in M⁻¹ while they recede in W, and no positive impulse conserves ½pᵀWp. Half the
+        # impulse that conserves H only stops the approach: of all impulses that do, it changes either energy least.
+        return momentum + 0.5 * self._impulse(momentum, rows, bilateral, bilateral_projection)
 
-    def _numerical_impulse(self, rows: np.ndarray, momentum: np.ndarray, metric: np.ndarray) -> np.ndarray:
+    def _impulse(
+        self,
+        momentum: np.ndarray,
+        rows: np.ndarray,
+        bilateral: np.ndarray,
+        bilateral_projection: EqualityProjection | None,
+    ) -> np.ndarray:
+        """The impulse that conserves the Hamiltonian."""
         if self._skip and len(rows) == 1:
             self._stats.skip(REFLECTION)
-            response = metric @ rows[0]
-            return max(0.0, -2.0 * (response @ momentum) / (response @ rows[0])) * rows[0]
-        no_rows = np.zeros((0, len(momentum)))
+            normal = self._tangent(rows, bilateral_projection)[0]
+            response = normal / self._mass
+            return (-2.0 * (response @ momentum) / (response @ normal)) * normal
+        answer = self.program.solve(2.0 * momentum, rows, None, bilateral)
+        return answer.unilateral @ rows + answer.bilateral @ bilateral
+
+    def _numerical_impulse(
+        self,
+        position: np.ndarray,
+        momentum: np.ndarray,
+        rows: np.ndarray,
+        bilateral_projection: EqualityProjection | None,
+    ) -> np.ndarray:
+        """The impulse that conserves ½pᵀWp; nearly none where contacts graze."""
+        assert self._metric is not None
+        metric = self._metric(position)
+        normals = self._tangent(rows, bilateral_projection)
+        if self._skip and len(normals) == 1:
+            self._stats.skip(REFLECTION)
+            response = metric @ normals[0]
+            return max(0.0, -2.0 * (response @ momentum) / (response @ normals[0])) * normals[0]
         inverse = np.linalg.solve(metric, np.eye(len(momentum)))
-        answer = self.numerical_program.solve(2.0 * momentum, rows, None, no_rows, metric=0.5 * (inverse + inverse.T))
-        return np.maximum(answer.unilateral, 0.0) @ rows
+        answer = self.numerical_program.solve(
+            2.0 * momentum, normals, None, normals[:0], metric=0.5 * (inverse + inverse.T)
+        )
+        return np.maximum(answer.unilateral, 0.0) @ normals
+
+    def _tangent(self, rows: np.ndarray, bilateral_projection: EqualityProjection | None) -> np.ndarray:
+        """Gradients projected on the cotangent space of the bilateral constraints (7.7)."""
+        if bilateral_projection is None:
+            return rows
+        return np.array([bilateral_projection.project(row / self._mass)[0] * self._mass for row in rows])
