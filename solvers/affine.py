@@ -1,5 +1,6 @@
 """Layout of a parametrized program: one sparse matrix from the parameters to every number of the standard form."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,7 @@ from scipy.sparse import _sparsetools
 
 from solvers.program import Matrix, QuadraticProgram
 
-DENSE_LIMIT = 9000  # entries; below it numpy's BLAS uses one thread, and a dense product beats a sparse one
+DENSE_LIMIT = 9000  # entries of A and P together; numpy's BLAS starts threads above some 9200, for milliseconds
 
 
 @dataclass(slots=True, eq=False)
@@ -61,7 +62,7 @@ class AffineMap:
     def __init__(self, theta: np.ndarray, tensors: Tensors) -> None:
         n, rows, equalities = tensors.variables, tensors.rows, tensors.equalities
         last = theta.size - 1
-        dense = max(n * n, rows * n) <= DENSE_LIMIT
+        dense = (n + rows) * n <= DENSE_LIMIT
         sign = np.where(np.arange(rows) < equalities, 1.0, -1.0)
 
         q, a, p = tensors.linear, tensors.matrix, tensors.quadratic
@@ -105,17 +106,21 @@ class AffineMap:
         )
         self.apply()
 
-    def apply(self) -> None:
-        """Rewrite the program's numbers for the current theta: one sparse product."""
+    def apply(self) -> bool:
+        """Rewrite the program's numbers for the current theta, one sparse product; return whether they are finite."""
         varying, program = self._varying, self.program
+        finite = True
         if varying:
             image = self._numbers[:varying]
             image.fill(0.0)
             _sparsetools.csr_matvec(
                 varying, self.theta.size, self._indptr, self._indices, self._data, self.theta, image
             )
+            small = varying <= DENSE_LIMIT  # a longer product of vectors would start threads, for milliseconds
+            finite = math.isfinite(image.dot(image)) if small else bool(np.isfinite(image).all())
         if program.equalities:
             program.lower[: program.equalities] = program.upper[: program.equalities]
+        return finite
 
 
 def _storage(

@@ -138,12 +138,10 @@ class CompiledProblem:
             if value.shape != view.shape:
                 raise ParameterError(f"parameter {name!r} has shape {value.shape}; allowed: {view.shape}")
             view[...] = value
-        theta = self._map.theta
-        if not math.isfinite(theta.dot(theta)):
+        if not self._map.apply():
             self._refuse_not_finite()
         for check in self._checks:
             check()
-        self._map.apply()
         setup_time = solve_time = 0.0
         for member in range(len(self._members)):
             before = perf_counter()

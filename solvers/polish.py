@@ -102,7 +102,7 @@ class _System:
         if self.factor is None:
             x, multipliers = self._solve_whole(rows, target, near)
         else:
-            x, multipliers = self._solve_projected(rows, target)
+            x, multipliers = self._solve_projected(self.factor, rows, target)
         free = np.flatnonzero(active) < self.equalities
         if np.any(multipliers[~free] < 0.0):
             multipliers = self._nonnegative(rows, x, multipliers, free)
@@ -110,9 +110,8 @@ class _System:
         y[active] = multipliers
         return x, y
 
-    def _solve_projected(self, rows: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """In coordinates z = L'x the program is the projection of -L^-1 q onto an affine space."""
-        L = self.factor
+    def _solve_projected(self, L: np.ndarray, rows: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """In coordinates z = L'x, with P = LL', the program is the projection of -L^-1 q onto an affine space."""
         z = -_solve_lower(L, self.q)
         multipliers = np.zeros(target.size)
         if target.size:

@@ -1,7 +1,7 @@
 """Which backend solves which subproblem."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import solvers
@@ -50,7 +50,8 @@ def parse_choices(choice: object) -> dict[str, SolverChoice]:
     ----------
     choice : str, SolverChoice or mapping
         A name; a table ``{backend, tolerance, polish, options}``; or a table of these by subproblem
-        (``reflection``, ``position``, ``projection``) with ``default`` for the ones left out.
+        (``reflection``, ``position``, ``projection``) with ``default`` for the ones left out. What a subproblem's
+        table leaves out is the default's, except for options, which belong to one backend.
 
     Raises
     ------
@@ -65,8 +66,8 @@ def parse_choices(choice: object) -> dict[str, SolverChoice]:
             f"solvers: unknown key {unknown[0]!r}; allowed: default, {', '.join(SUBPROBLEMS)}, "
             f"or a single table with {', '.join(sorted(_FIELDS))}."
         )
-    default = table.get("default", "auto")
-    choices = {name: _parse_one(table.get(name, default)) for name in SUBPROBLEMS}
+    default = _parse_one(table.get("default", "auto"), SolverChoice())
+    choices = {name: _parse_one(table.get(name, default), default) for name in SUBPROBLEMS}
     for backend in {choice.backend for choice in choices.values()}:
         _require(backend)
     return choices
@@ -75,16 +76,16 @@ def parse_choices(choice: object) -> dict[str, SolverChoice]:
 _FIELDS = {"backend", "tolerance", "polish", "options"}
 
 
-def _parse_one(choice: object) -> SolverChoice:
+def _parse_one(choice: object, default: SolverChoice) -> SolverChoice:
     if isinstance(choice, SolverChoice):
         return choice
     if isinstance(choice, str):
-        return SolverChoice(backend=choice)
+        return replace(default, backend=choice, options={})
     if isinstance(choice, Mapping):
         unknown = sorted(set(choice) - _FIELDS)
         if unknown:
             raise InputError(f"solvers: unknown key {unknown[0]!r}; allowed: {', '.join(sorted(_FIELDS))}.")
-        return SolverChoice(**choice)
+        return replace(default, **{"options": {}, **choice})
     raise InputError(
         f"solvers: found {choice!r}; allowed: a backend's name or a table with {', '.join(sorted(_FIELDS))}."
     )

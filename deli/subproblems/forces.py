@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from deli.mechanics.energies import potential_hessian
 from deli.mechanics.scene import Scene
 from deli.mechanics.schemes import Scheme
 
@@ -26,6 +27,7 @@ class Forces:
 
     def __init__(self, scene: Scene, scheme: Scheme, step_size: float) -> None:
         self.step_size = step_size
+        self._scene = scene
         self._potential = scene.potential
         self._scheme = scheme
         hessian = scene.potential.hessian(scene.position) if scheme.implicit else None
@@ -44,7 +46,7 @@ class Forces:
 
     def stiffness(self, position: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """Minus the derivative of the first slot by the velocity (x − q)/h: (h²/4)V″ at the midpoint."""
-        return (0.25 * self.step_size**2) * self._potential.hessian(0.5 * (position + moved))
+        return (0.25 * self.step_size**2) * potential_hessian(self._scene, 0.5 * (position + moved))
 
     def _at(self, position: np.ndarray) -> np.ndarray:
         for seen, force in self._seen:

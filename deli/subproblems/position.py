@@ -206,8 +206,8 @@ class Position:
         raise StepError(
             f"position: the update with {len(rows.chosen)} unilateral and {len(rows.bilateral)} bilateral constraints "
             f"did not converge: scaled residuals are primal {residuals[0]:.1e}, dual {residuals[1]:.1e}, "
-            f"complementarity {residuals[2]:.1e} where {accepted:.0e} is allowed; use a smaller step_size, polish = true or a "
-            f"tighter tolerance, or a potential with a hessian."
+            f"complementarity {residuals[2]:.1e} where {accepted:.0e} is allowed; use a smaller step_size, "
+            f"polish = true or a tighter tolerance, or a potential with a hessian."
         )
 
     def _evaluate(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import solvers
-from deli.errors import StepError
+from deli.errors import InputError, StepError
 from deli.subproblems.choices import SUBPROBLEMS, SolverChoice
 from deli.subproblems.linear import independent_rows
 from deli.subproblems.stats import StepStats
@@ -68,6 +68,8 @@ class Program:
         self._compiled: dict[tuple[int, int], solvers.CompiledProblem] = {}
         self._independent: tuple[np.ndarray, np.ndarray | None] | None = None
         self.backends: set[str] = set()
+        if choice.options or choice.backend.startswith("cvxpy:"):
+            self._try()
 
     def solve(
         self,
@@ -135,6 +137,20 @@ class Program:
             # cvxpy's multiplier of an equality has the opposite sign.
             bilateral_dual[slice(None) if chosen is None else chosen] = next(duals) * (-speed / spans)
         return Multipliers(solution.primal["velocity"] * (speed / self._root), unilateral_dual, bilateral_dual)
+
+    def _try(self) -> None:
+        """Solve a trivial problem, so that what a backend does not accept is refused before a run starts."""
+        try:
+            compiled = self._program(1, 0)
+            for name, view in compiled.parameters.items():
+                view[...] = np.eye(len(view)) if name == "metric" else 0.0
+            compiled.solve()
+        except Exception as error:
+            with_options = f" with options {dict(self._choice.options)!r}" if self._choice.options else ""
+            raise InputError(
+                f"solvers.{SUBPROBLEMS[self._subproblem]}: backend {self._choice.backend!r}{with_options}: "
+                f"{str(error).splitlines()[0]}"
+            ) from error
 
     def _choose(self, bilateral: np.ndarray) -> np.ndarray | None:
         """Indices of independent rows, None for all; found once for the solves that share their gradients."""

@@ -29,9 +29,7 @@ def model(mass: np.ndarray, rows: int, bilateral_rows: int) -> "cp.Problem":
 
     Complementarity λᵀG_𝕍ᵀv* = 0 is the conservation of energy, |v* − v|_M = |v|_M; λ solves (A.1).
     """
-    import cvxpy as cp
-
-    return _projection(len(mass), rows, bilateral_rows, np.diag(mass), cp)
+    return _projection(len(mass), rows, bilateral_rows, np.diag(mass))
 
 
 def numerical_model(mass: np.ndarray, rows: int, bilateral_rows: int) -> "cp.Problem":
@@ -42,10 +40,12 @@ def numerical_model(mass: np.ndarray, rows: int, bilateral_rows: int) -> "cp.Pro
     import cvxpy as cp
 
     metric = cp.Parameter((len(mass), len(mass)), PSD=True, name="metric")
-    return _projection(len(mass), rows, bilateral_rows, metric, cp)
+    return _projection(len(mass), rows, bilateral_rows, metric)
 
 
-def _projection(dof: int, rows: int, bilateral_rows: int, metric: object, cp: object) -> "cp.Problem":
+def _projection(dof: int, rows: int, bilateral_rows: int, metric: "np.ndarray | cp.Parameter") -> "cp.Problem":
+    import cvxpy as cp
+
     velocity = cp.Variable(dof, name="velocity")
     linear = cp.Parameter(dof, name="linear")  # −2p
     gradients = cp.Parameter((rows, dof), name="gradients")
