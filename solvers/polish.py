@@ -10,7 +10,7 @@ from scipy.optimize import nnls
 from solvers.program import QuadraticProgram
 
 ROUNDS = 10  # corrections of the guess; a solver's answer needs one or two
-EXACT = 1e-14  # natural residual that rounding alone explains: there is nothing to improve
+EXACT = 2e-15  # natural residual that rounding alone explains: there is nothing to improve
 ROUNDOFF = 1e-13  # relative size below which a multiplier or slack of the wrong sign is taken for zero
 
 
