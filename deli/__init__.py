@@ -26,7 +26,7 @@ from deli.reflect import reflect
 
 if TYPE_CHECKING:
     from deli import plotting
-    from deli.interrupts import Interrupted
+    from deli.running.interrupts import Interrupted
     from deli.simulation import open_run, simulate
 
 __version__ = "0.1.0"
@@ -57,7 +57,7 @@ __all__ = [
     "simulate",
 ]
 
-_ON_DEMAND = {"Interrupted": "deli.interrupts", "open_run": "deli.simulation", "simulate": "deli.simulation"}
+_ON_DEMAND = {"Interrupted": "deli.running.interrupts", "open_run": "deli.simulation", "simulate": "deli.simulation"}
 
 
 def __getattr__(name: str) -> Any:

@@ -7,11 +7,11 @@ from typing import Any
 import xarray as xr
 
 from deli.mechanics.scene import Scene
-from deli.plan import Plan, make_plan
 from deli.recording import provenance
 from deli.recording.reading import read
 from deli.recording.schema import build_tree
-from deli.session import Session
+from deli.running.plan import Plan, make_plan
+from deli.running.session import Session
 
 
 def simulate(

@@ -18,7 +18,7 @@ def scenes(
     from rich.table import Table
 
     from deli import scenes as registry
-    from deli.config_models import listed
+    from deli.config.models import listed
     from deli.errors import InputError
 
     if name is None:
@@ -44,7 +44,7 @@ def methods() -> None:
     """List the methods with their settings; the first value of each is the default."""
     from rich.table import Table
 
-    from deli.methods import CHOICES, METHODS
+    from deli.integrators.registry import CHOICES, METHODS
 
     table = Table("method", "what", "settings")
     for name, method in METHODS.items():

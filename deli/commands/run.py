@@ -44,7 +44,7 @@ def run(
     computed is in the file), 2 the input is at fault.
     """
     from deli.commands.tables import print_plan, print_summary
-    from deli.interrupts import Interrupted
+    from deli.running.interrupts import Interrupted
     from deli.simulation import run_plan
     from deli.summary import summarize
 
@@ -79,7 +79,7 @@ def read_config(source: str, settings: list[str]) -> "Config":
     """Read a config from a file, or make one from a scene's name."""
     from deli import scenes
     from deli.config import load, parse
-    from deli.config_models import listed
+    from deli.config.models import listed
     from deli.errors import InputError
 
     if source in scenes.available():

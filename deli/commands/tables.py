@@ -6,9 +6,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from deli.plan import Plan
 from deli.recording import provenance
 from deli.recording.paths import partial_path
+from deli.running.plan import Plan
 from deli.summary import Summary
 
 

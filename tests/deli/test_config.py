@@ -7,9 +7,9 @@ import pytest
 
 import deli
 from deli.config import load, parse
-from deli.config_models import method_model, scene_model
+from deli.config.models import method_model, scene_model
 from deli.errors import InputError
-from deli.methods import CHOICES, METHODS
+from deli.integrators.registry import CHOICES, METHODS
 
 POGO = """
 duration = 1000.0

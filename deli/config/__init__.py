@@ -12,11 +12,11 @@ from typing import Any
 from pydantic import ValidationError
 
 from deli import scenes
-from deli.config_models import config_model, method_model, refuse_nan, say, scene_model, unknown
+from deli.config.models import config_model, method_model, refuse_nan, say, scene_model, unknown
+from deli.config.overrides import apply_overrides, expand
 from deli.errors import InputError
-from deli.methods import METHODS
-from deli.overrides import apply_overrides, expand
-from deli.plan import Plan, make_plan
+from deli.integrators.registry import METHODS
+from deli.running.plan import Plan, make_plan
 
 LENGTHS = ("steps", "duration")
 

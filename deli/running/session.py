@@ -10,15 +10,15 @@ import numpy as np
 import xarray as xr
 
 from deli.errors import InputError, StepError
-from deli.interrupts import Interrupted, StopRequests
 from deli.mechanics import energies
-from deli.plan import Plan
-from deli.progress import ProgressBar
 from deli.recording import netcdf, provenance
 from deli.recording.paths import partial_path
 from deli.recording.reading import read
 from deli.recording.recorder import BLOCK_ROWS, Memory, Recorder, diagnose_rows
 from deli.recording.schema import TRAJECTORY, Groups, Schema, build_tree
+from deli.running.interrupts import Interrupted, StopRequests
+from deli.running.plan import Plan
+from deli.running.progress import ProgressBar
 
 COMPLETE, FAILED, INTERRUPTED = "complete", "failed", "interrupted"
 FLUSH_SECONDS, PATIENCE_SECONDS, REFRESH_SECONDS = 1.0, 10.0, 0.1

@@ -12,7 +12,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 import solvers
 from deli.errors import InputError
-from deli.methods import CHOICES
+from deli.integrators.registry import CHOICES
 from solvers.registry import CHAINS, REFERENCE
 
 PLAIN_TYPES = (bool, int, float, str)
