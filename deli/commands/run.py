@@ -70,6 +70,8 @@ def run(
         from deli.plotting import save
 
         save(result, plot)
+        if not quiet:
+            console().print(f"Drawn in {plot}", soft_wrap=True)
     if result.attrs["outcome"] != "complete":
         complain(f"{result.attrs['outcome']}; {result['trajectory'].sizes['time']} rows are in {target}.")
         raise typer.Exit(RUN_FAILED)

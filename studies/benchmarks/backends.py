@@ -1,7 +1,6 @@
-# ruff: noqa: E402 - the path is mended before the imports
 """What a re-solve costs: rebuilt model, cvxpy's own re-solve, the compiled path, and the solver alone.
 
-    python studies/benchmarks/solvers.py [--quick] [--backend NAME ...] [-o results.csv]
+    python studies/benchmarks/backends.py [--quick] [--backend NAME ...] [-o results.csv]
 
 Every solve gets new values of all Parameters. Times are medians in microseconds within one run; only their
 ratios mean something on another machine. "adapter" is the part of a compiled solve spent handing data over and
@@ -15,9 +14,6 @@ import sys
 import time
 import warnings
 from pathlib import Path
-
-# This file has the name of the package it measures: run as a script, it would import itself.
-sys.path = [entry for entry in sys.path if Path(entry).resolve() != Path(__file__).resolve().parent]
 
 import clarabel
 import cvxpy as cp
