@@ -173,8 +173,10 @@ class Reflection:
         if self._metric is None:
             return momentum + self._impulse(momentum, rows, bilateral, bilateral_projection)
         impulse = self._numerical_impulse(position, momentum, rows, bilateral_projection)
-        approach = (rows @ (momentum / self._mass)).min()
-        if (rows @ ((momentum + impulse) / self._mass)).min() >= 0.5 * approach:
+        sizes = np.sqrt((rows * rows) @ (1.0 / self._mass))
+        units = rows / np.where(sizes > 0.0, sizes, 1.0)[:, None]
+        approach = (units @ (momentum / self._mass)).min()
+        if (units @ ((momentum + impulse) / self._mass)).min() >= 0.5 * approach:
             return momentum + impulse
         # Contacts that graze approach in M⁻¹ while they recede in W, and no positive impulse conserves ½pᵀWp. Half the
         # impulse that conserves H only stops the approach: of all impulses that do, it changes either energy least.
