@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
+
+# The compiled kernel under scipy's ``@``, whose own checks cost four times the product at a few hundred entries.
 from scipy.sparse import _sparsetools
 
 from solvers.program import Matrix, QuadraticProgram
@@ -52,9 +54,7 @@ class _Block:
 class AffineMap:
     """The map from theta (whose last entry is one) to a quadratic program, and the storage of that program.
 
-    The image is laid out as u, q, A, P or as q, u, P, A, with the matrix that depends on the parameters first:
-    what depends on them is a leading part, and the rest is computed once. Both vectors, and both matrices where
-    they are stored dense, lie side by side in the same order, which `solvers.residuals` makes use of.
+    In the image whatever depends on the parameters comes first; the rest is computed once.
     """
 
     __slots__ = ("_data", "_indices", "_indptr", "_numbers", "_varying", "program", "theta")
@@ -79,10 +79,10 @@ class AffineMap:
             "P": _Block(p_target, p.col, p.data, p_length),
         }
         varies = {name: block.varies(last) for name, block in blocks.items()}
-        order = ["u", "q", "A", "P"] if varies["A"] or not varies["P"] else ["q", "u", "P", "A"]
+        order = sorted(blocks, key=lambda name: not varies[name])
         ends = np.cumsum([blocks[name].length for name in order])
         start = {name: int(end) - blocks[name].length for name, end in zip(order, ends, strict=True)}
-        self._varying = max((start[name] + blocks[name].length for name in order if varies[name]), default=0)
+        self._varying = sum(blocks[name].length for name in order if varies[name])
 
         row = np.concatenate([blocks[name].position + start[name] for name in order])
         column = np.concatenate([blocks[name].parameter for name in order])
@@ -102,7 +102,6 @@ class AffineMap:
             matrix=Matrix((rows, n), a_pattern, part["A"], dense, not varies["A"]),
             lower=np.full(rows, -np.inf),
             upper=part["u"],
-            numbers=self._numbers,
         )
         self.apply()
 

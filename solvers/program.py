@@ -12,10 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-# The compiled kernels under scipy's ``@``: on matrices of a few hundred entries the operator's own checks cost
-# four times the product.
-from scipy.sparse import _sparsetools
-
 
 class Matrix:
     """A matrix with a fixed pattern whose values change in place.
@@ -55,6 +51,10 @@ class Matrix:
             return self.values
         return self.values.take(self._position)
 
+    def columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Column starts, row indices and values of sparse storage, the values shared."""
+        return self.indptr, self.indices, self.values
+
     def to_dense(self) -> np.ndarray:
         """All entries as a two-dimensional array (the storage itself if it is dense)."""
         if self.dense is not None:
@@ -73,24 +73,6 @@ class Matrix:
         triangle = (self.entries()[positions], self.indices[positions], indptr.astype(np.int32))
         return sparse.csc_matrix(triangle, shape=self.shape), positions
 
-    def multiply(self, vector: np.ndarray, out: np.ndarray) -> None:
-        """Write the product with a vector into `out`."""
-        if self.dense is not None:
-            self.dense.dot(vector, out)
-            return
-        out.fill(0.0)
-        rows, columns = self.shape
-        _sparsetools.csc_matvec(rows, columns, self.indptr, self.indices, self.values, vector, out)
-
-    def multiply_transposed(self, vector: np.ndarray, out: np.ndarray) -> None:
-        """Write the product of the transpose with a vector into `out`."""
-        if self.dense is not None:
-            vector.dot(self.dense, out)
-            return
-        out.fill(0.0)
-        rows, columns = self.shape
-        _sparsetools.csr_matvec(columns, rows, self.indptr, self.indices, self.values, vector, out)
-
 
 @dataclass(slots=True, eq=False)
 class QuadraticProgram:
@@ -108,8 +90,6 @@ class QuadraticProgram:
         A.
     lower, upper : ndarray, shape (rows,)
         l and u.
-    numbers : ndarray
-        The storage behind all of them but l: u and q side by side, then A and P in the same order.
     """
 
     variables: int
@@ -120,4 +100,3 @@ class QuadraticProgram:
     matrix: Matrix
     lower: np.ndarray
     upper: np.ndarray
-    numbers: np.ndarray

@@ -1,0 +1,87 @@
+"""Compiled arithmetic of every solve: numba compiles it at first use and keeps the result on disk."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def dense_residuals(
+    P: np.ndarray, A: np.ndarray, q: np.ndarray, u: np.ndarray, equalities: int, x: np.ndarray, y: np.ndarray
+) -> tuple[float, float, float]:
+    """Primal, dual and complementarity residual (`solvers.residuals.Residuals`) with matrices stored dense."""
+    n, rows = q.size, u.size
+    Px, Ax, Aty = np.zeros(n), np.zeros(rows), np.zeros(n)
+    for i in range(n):
+        for j in range(n):
+            Px[i] += P[i, j] * x[j]
+    for i in range(rows):
+        for j in range(n):
+            Ax[i] += A[i, j] * x[j]
+            Aty[j] += A[i, j] * y[i]
+    return _scaled(Px, Ax, Aty, q, u, equalities, x, y)
+
+
+@njit(cache=True)
+def sparse_residuals(
+    P_start: np.ndarray,
+    P_row: np.ndarray,
+    P_value: np.ndarray,
+    A_start: np.ndarray,
+    A_row: np.ndarray,
+    A_value: np.ndarray,
+    q: np.ndarray,
+    u: np.ndarray,
+    equalities: int,
+    x: np.ndarray,
+    y: np.ndarray,
+) -> tuple[float, float, float]:
+    """The same with matrices stored by compressed columns."""
+    n, rows = q.size, u.size
+    Px, Ax, Aty = np.zeros(n), np.zeros(rows), np.zeros(n)
+    for j in range(n):
+        for k in range(P_start[j], P_start[j + 1]):
+            Px[P_row[k]] += P_value[k] * x[j]
+        for k in range(A_start[j], A_start[j + 1]):
+            Ax[A_row[k]] += A_value[k] * x[j]
+            Aty[j] += A_value[k] * y[A_row[k]]
+    return _scaled(Px, Ax, Aty, q, u, equalities, x, y)
+
+
+@njit(cache=True)
+def _scaled(
+    Px: np.ndarray,
+    Ax: np.ndarray,
+    Aty: np.ndarray,
+    q: np.ndarray,
+    u: np.ndarray,
+    equalities: int,
+    x: np.ndarray,
+    y: np.ndarray,
+) -> tuple[float, float, float]:
+    unbalanced = force = curvature = slope = 0.0
+    total = 0.0  # finite exactly if all terms are
+    for j in range(q.size):
+        balance = Px[j] + q[j] + Aty[j]
+        total += abs(balance)
+        unbalanced = max(unbalanced, abs(balance))
+        force = max(force, abs(Px[j]), abs(q[j]), abs(Aty[j]))
+        curvature += x[j] * Px[j]
+        slope += x[j] * q[j]
+    violated = reach = negative = largest = product = 0.0
+    for i in range(u.size):
+        excess = Ax[i] - u[i]
+        total += abs(excess) + abs(y[i])
+        reach = max(reach, abs(Ax[i]), abs(u[i]))
+        largest = max(largest, abs(y[i]))
+        if i < equalities:
+            violated = max(violated, abs(excess))
+        else:
+            violated = max(violated, excess)
+            negative = max(negative, -y[i])
+            product = max(product, abs(y[i] * excess))
+    if not math.isfinite(total + product):
+        return math.nan, math.nan, math.nan
+    dual = max(unbalanced / (1.0 + force), negative / (1.0 + largest))
+    return violated / (1.0 + reach), dual, product / (1.0 + max(abs(curvature), abs(slope)))
