@@ -43,6 +43,7 @@ class Residuals:
         else:
             self._kernel = kernels.sparse_residuals
             self._matrices = (*quadratic.columns(), *matrix.columns())
+        self.compute(np.zeros(program.variables), np.zeros(program.rows))  # compiled here rather than in a solve
         self.forget()
 
     def forget(self) -> None:
