@@ -1,0 +1,112 @@
+"""What the laws are applied to: scenes with events in a short run, methods, backends."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import deli
+import solvers
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene, and a step size and number of steps in which its contacts come into play."""
+
+    name: str
+    build: Callable[[], deli.Scene]
+    step_size: float
+    steps: int
+    scheme: str = "midpoint"
+
+
+def discs() -> deli.Scene:
+    """A disc breaks two that touch, one of them on a rod: free in the plane, so all momenta are conserved."""
+    positions = np.array([[-1.0, 0.0], [0.0, -0.4], [0.0, 0.4], [0.1, 1.5], [-2.2, 0.1]])
+    velocities = np.array([[2.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [2.0, 0.3]])
+    masses = np.array([1.0, 2.0, 0.5, 0.7, 1.5])
+    return deli.Scene(
+        mass=masses,
+        position=positions,
+        momentum=masses[:, None] * velocities,
+        potential=[deli.Springs(pairs=[(0, 4)], stiffness=3.0, rest_length=1.0)],
+        unilateral=[deli.SpheresApart(pairs=None, distance=0.8)],
+        bilateral=[deli.Rods(pairs=[(2, 3)], length=float(np.hypot(0.1, 1.1)))],
+        dimension=2,
+        name="discs",
+    )
+
+
+def double_pendulum() -> deli.Scene:
+    """Two masses on rods under gravity, swinging: bilateral constraints and no contact."""
+    angles = np.array([0.9, -0.4])
+    arms = np.stack([np.sin(angles), -np.cos(angles)], axis=1) * np.array([[1.0], [0.7]])
+    swings = np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.array([[0.8], [-0.9]])
+    masses = np.array([1.3, 0.6])
+    return deli.Scene(
+        mass=masses,
+        position=np.cumsum(arms, axis=0),
+        momentum=masses[:, None] * np.cumsum(swings, axis=0),
+        potential=[deli.Gravity([0.0, -9.8])],
+        bilateral=[
+            deli.AnchoredRods(pivots=[0.0, 0.0], length=1.0, bodies=[0]),
+            deli.Rods(pairs=[(0, 1)], length=0.7),
+        ],
+        dimension=2,
+        name="double_pendulum",
+    )
+
+
+def crowded_chain() -> deli.Scene:
+    """The Lennard-Jones chain in a container that it hits soon."""
+    return deli.scenes.lennard_jones(container=1.9, speed=4.0)
+
+
+CASES = [
+    Case("point_mass", deli.scenes.point_mass, 0.02, 60),
+    Case("pogo_stick", deli.scenes.pogo_stick, 0.05, 60, "verlet"),
+    Case("spring_sphere_smooth", lambda: deli.scenes.spring_sphere(start="smooth"), 0.5, 60),
+    Case("spring_sphere_mixed", lambda: deli.scenes.spring_sphere(start="mixed"), 0.25, 60),
+    Case("nonlinear_oscillator", deli.scenes.nonlinear_oscillator, 0.05, 60),
+    Case("newtons_cradle", deli.scenes.newtons_cradle, 0.02, 80),
+    Case("lennard_jones", crowded_chain, 0.02, 80, "verlet"),
+    Case("discs", discs, 0.02, 80),
+]
+CASE = pytest.mark.parametrize("case", [pytest.param(case, id=case.name) for case in CASES])
+CASE_BY_NAME = {case.name: case for case in CASES}
+
+SCHEMES = ("midpoint", "verlet")
+OPERATORS = ("generalized", "moreau", "sequential")
+ENERGIES = ("hamiltonian", "numerical")
+PREDICTORS = ("forward", "closed_loop")
+
+
+def _label(method: object) -> str:
+    if isinstance(method, deli.GVI):
+        return "-".join((method.scheme, method.reflection, method.energy, method.predictor))
+    return f"{type(method).__name__}-{method.scheme}"
+
+
+METHODS = [
+    *(
+        deli.GVI(scheme=scheme, reflection=operator, energy=energy, predictor=predictor)
+        for scheme in SCHEMES
+        for operator in OPERATORS
+        for energy in ENERGIES
+        for predictor in PREDICTORS
+    ),
+    *(deli.DiscreteSmooth(scheme=scheme) for scheme in SCHEMES),
+]
+METHOD = pytest.mark.parametrize("method", [pytest.param(method, id=_label(method)) for method in METHODS])
+
+BACKENDS = [
+    pytest.param(
+        info.name,
+        id=info.name,
+        marks=pytest.mark.skipif(not info.installed, reason=f"backend {info.name}: {info.install}"),
+    )
+    for info in solvers.backends()
+]
+BACKEND = pytest.mark.parametrize("backend", BACKENDS)
+SKIP = pytest.mark.parametrize("skip", [pytest.param(True, id="skip"), pytest.param(False, id="no_skip")])

@@ -1,0 +1,121 @@
+"""Jump conditions (6.7-6.9) of every reflection operator, on random clusters of touching contacts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from law_cases import BACKEND, ENERGIES, OPERATORS, SCHEMES, SKIP
+from law_clusters import Cluster, clusters, reflected, tangent
+
+import deli
+
+OPERATOR = pytest.mark.parametrize("operator", OPERATORS)
+ENERGY = pytest.mark.parametrize("energy", ENERGIES)
+EXACT = 1e-11  # relative: rounding of a polished projection, through up to some hundred passes
+EXAMPLES = settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+
+
+def reflect(cluster: Cluster, operator: str, energy: str, **options) -> np.ndarray:
+    scene = cluster.scene()
+    step_size = cluster.step_size
+    return deli.reflect(scene, scene.position, scene.momentum, operator, energy, step_size=step_size, **options)
+
+
+def check(cluster: Cluster, operator: str, energy: str, scheme: str, **options) -> bool:
+    """Assert the jump conditions; return whether a reflection took place."""
+    before = cluster.momentum
+    after = reflect(cluster, operator, energy, scheme=scheme, **options)
+    if (cluster.approach(before) >= -1e-9).all():
+        assert np.array_equal(after, before)
+        return False
+    assert cluster.approach(after).min() >= -1.01e-8  # (6.7), up to the contact tolerance
+    assert cluster.outside_cone(after - before) <= EXACT  # (6.8)
+    speed = np.sqrt(before @ (before / cluster.mass))
+    assert np.abs(cluster.bilateral @ (after / cluster.mass)).max(initial=0.0) <= 1e-12 * 20 * speed
+
+    metric = cluster.metric(energy, scheme)
+    expected = reflected(cluster, operator, metric)
+    change = abs(after @ metric @ after / (before @ metric @ before) - 1.0)
+    if expected is not None:
+        assert change <= EXACT  # (6.9)
+        np.testing.assert_allclose(after, expected, atol=1e-9 * np.abs(before).max())
+    else:  # no impulse that opens a grazing contact conserves W; what it costs is of second order in W's curvature
+        root = np.sqrt(cluster.mass)
+        curvature = np.abs(np.linalg.eigvalsh(metric * np.outer(root, root)) - 1.0).max()
+        assert energy == "numerical"
+        assert change <= 100 * curvature**2
+    return True
+
+
+@OPERATOR
+@ENERGY
+@SKIP
+@EXAMPLES
+@given(cluster=clusters(), scheme=st.sampled_from(SCHEMES))
+def test_jump_conditions(operator: str, energy: str, skip: bool, cluster: Cluster, scheme: str) -> None:
+    check(cluster, operator, energy, scheme, skip=skip, solvers="daqp")
+
+
+@pytest.mark.long
+@OPERATOR
+@ENERGY
+@SKIP
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(cluster=clusters(), scheme=st.sampled_from(SCHEMES))
+def test_jump_conditions_at_length(operator: str, energy: str, skip: bool, cluster: Cluster, scheme: str) -> None:
+    check(cluster, operator, energy, scheme, skip=skip, solvers="daqp")
+
+
+@OPERATOR
+@ENERGY
+@EXAMPLES
+@given(cluster=clusters(), factors=st.lists(st.sampled_from([1e-6, 1.0, 1e6]), min_size=5, max_size=5))
+def test_a_constraint_may_be_multiplied_by_a_number(
+    operator: str, energy: str, cluster: Cluster, factors: list[float]
+) -> None:
+    scaled = replace(cluster, gradients=np.array(factors)[: len(cluster.gradients), None] * cluster.gradients)
+    plain, other = (reflect(each, operator, energy, skip=False) for each in (cluster, scaled))
+    np.testing.assert_allclose(other, plain, atol=1e-9 * np.abs(plain).max())
+
+
+def drawn(seed: int, dof: int, rows: int, bilateral_rows: int) -> Cluster:
+    """A cluster with a duplicate and a dependent row, which a common motion opens."""
+    rng = np.random.default_rng(seed)
+    opening = rng.standard_normal(dof)
+    gradients = rng.standard_normal((rows, dof))
+    gradients *= np.sign(gradients @ opening)[:, None]
+    gradients = np.vstack([gradients, gradients[0], gradients[0] + 2.0 * gradients[-1]])
+    bilateral = rng.standard_normal((bilateral_rows, dof))
+    bilateral -= np.outer(bilateral @ opening, opening) / (opening @ opening)
+    mass = rng.uniform(0.5, 2.0, dof)
+    momentum = tangent(-opening + 0.3 * rng.standard_normal(dof), mass, bilateral)
+    square = rng.standard_normal((dof, dof))
+    return Cluster(mass, momentum, gradients, bilateral, square @ square.T)
+
+
+@BACKEND
+@OPERATOR
+@ENERGY
+def test_jump_conditions_with_every_backend(backend: str, operator: str, energy: str) -> None:
+    took_place = [
+        check(drawn(seed, *shape), operator, energy, "midpoint", skip=False, solvers=backend)
+        for seed, shape in enumerate([(1, 1, 0), (4, 3, 0), (6, 4, 2)])
+    ]
+    assert all(took_place)
+
+
+def test_the_drawn_clusters_reflect_and_conserve_exactly_as_a_rule() -> None:
+    """The laws of jump conditions are not vacuous: reflections happen, and W is conserved but for a few that graze."""
+    seen = []
+
+    @settings(max_examples=200, deadline=None, derandomize=True)
+    @given(cluster=clusters())
+    def collect(cluster: Cluster) -> None:
+        if (cluster.approach(cluster.momentum) < -1e-6).any():
+            seen.append(reflected(cluster, "generalized", cluster.metric("numerical", "midpoint")) is not None)
+
+    collect()
+    assert len(seen) >= 80
+    assert sum(seen) >= 0.8 * len(seen)

@@ -1,0 +1,58 @@
+"""Skipping solvers where none is needed changes nothing but the count, for every scene and method."""
+
+import numpy as np
+import pytest
+from law_cases import CASE, CASE_BY_NAME, CASES, METHOD, Case
+from law_runs import difference, growth, run
+
+import deli
+
+REFLECTION, POSITION, PROJECTION = range(3)
+
+
+@CASE
+@METHOD
+def test_skipping_changes_nothing_but_the_count(case: Case, method: object) -> None:
+    scene, steps = case.build(), case.steps // 2
+    on = run(scene, method, case.step_size, steps, skip=True)
+    off = run(scene, method, case.step_size, steps, skip=False)
+    np.testing.assert_array_equal(on.smooth, off.smooth)
+    np.testing.assert_array_equal(on.reflected, off.reflected)
+    assert difference(on, off) <= growth(on, method, case.step_size) * (on.rounding + off.rounding)
+
+    # Every pass of a reflection and every projection is either solved or skipped, whichever way.
+    passes = (on.solves + on.skipped)[:, REFLECTION]
+    np.testing.assert_array_equal(passes, (off.solves + off.skipped)[:, REFLECTION])
+    assert (on.skipped[:, PROJECTION] == 1).all()
+    assert (on.solves[:, PROJECTION] == 0).all()
+    assert (off.solves[:, PROJECTION] == 1).all()
+    assert (off.skipped[:, PROJECTION] == 0).all()
+    # A position update is skipped, or takes as many solves as it has linearizations.
+    assert (off.solves[:, POSITION] >= 1).all()
+    assert (off.skipped[:, POSITION] == 0).all()
+    assert (on.solves[:, POSITION] <= off.solves[:, POSITION]).all()
+    assert ((on.solves + on.skipped)[:, POSITION] >= 1).all()
+    if isinstance(method, deli.DiscreteSmooth):
+        assert not passes.any()
+    else:
+        assert (passes >= 1).all()
+        if method.predictor == "forward":
+            assert ((on.solves[:, POSITION] == 0) == (on.skipped[:, POSITION] == 1)).all()
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_what_needs_no_solver_gets_none(case: Case) -> None:
+    on = run(case.build(), deli.GVI(scheme=case.scheme), case.step_size, case.steps)
+    contact = on.smooth > 0
+    assert (on.solves[~contact, POSITION] == 0).all()
+    assert (on.solves[contact, POSITION] >= 1).all()
+    assert (on.solves[on.reflected < 2, REFLECTION] == 0).all()
+
+
+def test_solvers_are_asked_where_skipping_is_on() -> None:
+    """Or the comparison would compare closed forms with themselves."""
+    cradle = CASE_BY_NAME["newtons_cradle"]
+    on = run(cradle.build(), deli.GVI(), cradle.step_size, cradle.steps)
+    assert on.solves[:, REFLECTION].sum() > 0
+    assert on.solves[:, POSITION].sum() > 0
+    assert on.skipped.sum(axis=0).min() > 0
