@@ -18,7 +18,7 @@ from deli.mechanics.arrays import Array, Indices, body_indices, broadcast, one_v
 from deli.mechanics.family import ArrayFamily, Family, Invariance, Layout, chosen_bodies, common_invariance
 
 
-class ConstraintFamily(Family, abc.ABC):
+class ConstraintFamily(Family):
     """Scalar constraints c(q) with their jacobian, q the flat configuration of length dof."""
 
     constant_jacobian: bool = False

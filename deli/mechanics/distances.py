@@ -106,17 +106,19 @@ class Rods(PairDistances):
     _word = "rod"
 
 
+@dataclass(frozen=True, eq=False)
 class PointDistances(ArrayFamily, ConstraintFamily):
     """Distances of bodies from fixed points less a target, sign (|q_i - point_i| - target).
 
     At the point itself the direction is undefined and the jacobian's row is zero.
     """
 
-    bodies: ArrayLike | None
-    _index: Indices
-    _row_numbers: Indices
-    _points: Array
-    _targets: Array
+    bodies: ArrayLike | None = field(default=None, kw_only=True)
+    rows: int = field(init=False, repr=False)
+    _index: Indices = field(init=False, repr=False)
+    _row_numbers: Indices = field(init=False, repr=False)
+    _points: Array = field(init=False, repr=False)
+    _targets: Array = field(init=False, repr=False)
 
     _point: ClassVar[str]
     _target: ClassVar[str]
@@ -182,12 +184,6 @@ class SpheresInside(PointDistances):
 
     radius: ArrayLike
     centre: ArrayLike = 0.0
-    bodies: ArrayLike | None = None
-    rows: int = field(init=False, repr=False)
-    _index: Indices = field(init=False, repr=False)
-    _row_numbers: Indices = field(init=False, repr=False)
-    _points: Array = field(init=False, repr=False)
-    _targets: Array = field(init=False, repr=False)
 
     _point = "centre"
     _target = "radius"
@@ -211,12 +207,6 @@ class AnchoredRods(PointDistances):
 
     pivots: ArrayLike
     length: ArrayLike
-    bodies: ArrayLike | None = None
-    rows: int = field(init=False, repr=False)
-    _index: Indices = field(init=False, repr=False)
-    _row_numbers: Indices = field(init=False, repr=False)
-    _points: Array = field(init=False, repr=False)
-    _targets: Array = field(init=False, repr=False)
 
     _point = "pivots"
     _target = "length"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 import dataclasses
 from collections.abc import Iterable
 from typing import Any, Self
@@ -92,7 +93,7 @@ class Invariance:
         )
 
 
-class Family:
+class Family(abc.ABC):
     """A potential or a set of constraints, usable once it is bound to a layout.
 
     ``Scene`` binds what it is given; outside a scene, call ``bind`` with a ``Layout``.
@@ -100,13 +101,13 @@ class Family:
 
     layout: Layout | None
 
+    @abc.abstractmethod
     def bind(self, layout: Layout) -> Self:
         """Return a copy made ready for ``layout``; a family already bound is bound anew."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def invariance(self) -> Invariance:
         """Return the rigid motions that leave this family unchanged."""
-        raise NotImplementedError
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -120,13 +121,13 @@ class ArrayFamily(Family):
         if self.layout is not None:
             self._prepare(self.layout)
 
+    @abc.abstractmethod
     def _read(self) -> None:
         """Check the fields that do not depend on the scene and turn them into read-only arrays."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def _prepare(self, layout: Layout) -> None:
         """Check the fields against the layout and precompute."""
-        raise NotImplementedError
 
     def bind(self, layout: Layout) -> Self:
         """Return a copy made ready for ``layout``; a family already bound is bound anew."""

@@ -23,7 +23,7 @@ from deli.mechanics.family import (
 )
 
 
-class PotentialFamily(Family, abc.ABC):
+class PotentialFamily(Family):
     """A potential energy V(q) with its derivatives, q the flat configuration of length dof."""
 
     constant_hessian: bool = False
