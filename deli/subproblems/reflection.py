@@ -179,7 +179,7 @@ class Reflection:
         if (units @ ((momentum + impulse) / self._mass)).min() >= 0.5 * approach:
             return momentum + impulse
         # Contacts that graze approach in M⁻¹ while they recede in W, and no positive impulse conserves ½pᵀWp. Half the
-        # impulse that conserves H only stops the approach: of all impulses that do, it changes either energy least.
+        # impulse that conserves H is the smallest one that stops the approach.
         return momentum + 0.5 * self._impulse(momentum, rows, bilateral, bilateral_projection)
 
     def _impulse(
