@@ -231,7 +231,7 @@ class Position:
         """Measure the residuals of (7.3, 7.4, 7.8) at x; impulses are compared in the metric of the masses."""
         carried = self._scene.mass * answer.velocity
         error = carried - momentum - force
-        impulse = float(np.abs(np.stack((carried, momentum, force)) / self._root).max()) or 1.0
+        impulse = self._largest(carried, momentum, force) or 1.0
         primal = complementarity = 0.0
         pressed = scaled = _NONE
         if len(gaps):
@@ -247,6 +247,10 @@ class Position:
         dual = float(np.abs(error / self._root).max()) / impulse
         return Update(moved, answer.velocity, force, scaled, pressed, (primal, dual, complementarity))
 
+    def _largest(self, *impulses: np.ndarray) -> float:
+        """Largest entry of some impulses in the metric of the masses."""
+        return max(float(np.abs(impulse / self._root).max()) for impulse in impulses)
+
     def _certified(self, update: Update) -> float:
         """The residual that an interior-point solver can vouch for: products λg in place of min(λ, g)."""
         primal, dual, _ = update.residuals
@@ -260,7 +264,7 @@ class Position:
         floor = float(reach.max()) / self._scene.length_scale
         if self._forces.newton:
             stiffness = np.abs(self._forces.stiffness(position, update.position))
-            impulse = float(np.abs(np.stack((momentum, update.force)) / self._root).max()) or 1.0
+            impulse = self._largest(momentum, update.force) or 1.0
             floor = max(floor, float((stiffness @ reach / self._root).max()) / (self._forces.step_size * impulse))
         return _ROUNDING * floor
 
