@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from law_cases import BACKEND, ENERGIES, OPERATORS, SCHEMES, SKIP
 from law_clusters import Cluster, clusters, reflected, tangent
@@ -68,9 +68,19 @@ def test_jump_conditions_at_length(operator: str, energy: str, skip: bool, clust
     check(cluster, operator, energy, scheme, skip=skip, solvers="daqp")
 
 
+STEEP_BESIDE_GENTLE = Cluster(
+    mass=np.array([2.0, 1.0, 2.0, 1.0]),
+    momentum=np.array([6.0, -1.0, 4.0, 0.0]),
+    gradients=np.array([[-2.0, 0.0, -1.0, 1.0], [-2.0, 1.0, -1.0, 1.0], [-2.0, -2.0, 2.0, 0.0]]),
+    bilateral=np.array([[-5.0, 5.0, 10.0, 0.0]]),
+    stiffness=0.5 * np.array([[0, 0, 0, 1], [0, 0, 0, 1], [0, 0, 0, 1], [1, 1, 1, 2]]),
+)
+
+
 @OPERATOR
 @ENERGY
 @EXAMPLES
+@example(cluster=STEEP_BESIDE_GENTLE, factors=[1e-3, 1e-3, 1.0])
 @given(cluster=clusters(), factors=st.lists(st.sampled_from([1e-6, 1.0, 1e6]), min_size=5, max_size=5))
 def test_a_constraint_may_be_multiplied_by_a_number(
     operator: str, energy: str, cluster: Cluster, factors: list[float]
