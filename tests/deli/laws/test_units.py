@@ -65,6 +65,30 @@ def test_constraints_multiplied_by_a_number(case: Case, factor: float, skip: boo
     check_same(plain, scaled, growth(plain, method, case.step_size))
 
 
+@FACTOR
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-4])
+@pytest.mark.parametrize("normal", [1e-6, 1.0, 1e6])
+def test_contact_tolerance_is_a_fraction_in_any_units(units: Units, tolerance: float, normal: float) -> None:
+    """A body that slides on a floor: which heights count as touching, which normal velocities as resting."""
+
+    def contacts(height: float, rate: float) -> tuple[int, int]:
+        scene = deli.Scene(
+            mass=2.0 * units.mass,
+            position=np.array([1.0, height]) * units.length,
+            momentum=2.0 * np.array([1.0, rate]) * units.momentum,
+            unilateral=deli.Planes(normals=[0.0, normal]),
+            dimension=2,
+        )
+        stepper = deli.GVI().stepper(scene, 1e-12 * units.time, contact_tolerance=tolerance)
+        stepper.step(scene.position, scene.momentum)
+        return stepper.stats.smooth_contacts, stepper.stats.reflected_contacts
+
+    below, above = 0.5 * tolerance, 2.0 * tolerance
+    assert contacts(0.0, 0.0) == contacts(below, below) == contacts(below, -below) == (1, 0)
+    assert contacts(0.0, above) == contacts(above, 0.0) == contacts(above, -above) == (0, 0)
+    assert contacts(0.0, -above) == contacts(below, -above) == (0, 1)
+
+
 def test_the_scenes_in_plain_units_are_those_of_the_laws() -> None:
     assert list(IN_UNITS) == [case.name for case in CASES]
     for case in CASES:
