@@ -86,6 +86,33 @@ def random_projection(random, n=6, m=5, k=1):
     )
 
 
+def test_barely_pressing_rows_leave_no_trace(backend):
+    """Two discs on rods that touch and do not press: some solvers fail here, and must not remember that they did."""
+    sine, cosine = -0.027689956192285408, -0.9996165596497837
+    rods, contact = np.zeros((5, 10)), np.zeros((1, 10))
+    rods[0, :2] = rods[1, 2:4] = sine, cosine
+    rods[[2, 3, 4], [5, 7, 9]] = -1.0
+    contact[0, [6, 8]] = -np.sqrt(0.5), np.sqrt(0.5)
+    weight = 0.05073062948627335
+    wish = np.array(
+        [1.32e-7, -weight, 3.632e-4, -0.050740691622, 3.634e-4, -weight, 1.0, -weight, 1.0 - 8e-16, -weight]
+    )
+    targets = [
+        np.array([-0.019326949037533393, -0.019326949037533393, 1e-15, 1e-15, 1e-15]),
+        np.array([-3.8154621551526e-08, -6.0436771665072e-08, -2.55e-09, -0.019310514611492, -0.019310514611492]),
+    ]
+    cases = [
+        known("pressing", np.ones(10), wish, contact, np.array([bound]), rods, target)
+        for bound, target in zip((0.0, 1.46299185515532e-15), targets, strict=True)
+    ]
+    used = solvers.compile(cases[0].model(), backend)
+    for case in (*cases, *cases):
+        again = used.solve(**case.values())
+        fresh = solvers.compile(cases[0].model(), backend).solve(**case.values())
+        np.testing.assert_array_equal(again.primal["velocity"], fresh.primal["velocity"])
+        assert again.status == fresh.status
+
+
 def test_a_solve_is_a_function_of_the_data_alone(backend, storage):
     random = np.random.default_rng(0)
     first = random_projection(random)
