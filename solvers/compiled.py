@@ -171,7 +171,8 @@ class CompiledProblem:
                 worst = self._residuals.compute(*better)
                 polished = True
                 answer = answer._replace(x=better[0], y=better[1])
-        if claimed is Status.SOLVED or claimed is Status.INACCURATE or polished:
+        # Where the polish looked, an answer that it found exact needs no claim of the solver's.
+        if claimed is Status.SOLVED or claimed is Status.INACCURATE or self._polish is not None:
             if worst <= self.tolerance:
                 return Status.SOLVED, answer, polished
             if math.isnan(worst):

@@ -87,6 +87,14 @@ def test_a_limit_is_not_hidden(registered):
     assert solution.status is Status.ITERATION_LIMIT
 
 
+@pytest.mark.parametrize("claimed", [Status.FAILED, Status.ITERATION_LIMIT])
+def test_polish_that_finds_an_answer_exact_needs_no_claim(registered, claimed):
+    solution = solved_with(registered, answering([0.75, 0.25], [-0.25, 0.5], claimed), polish=True)
+    assert solution.ok
+    assert solution.claimed is claimed
+    assert not solution.polished
+
+
 def test_polish_rescues_an_answer_near_the_solution(registered):
     solution = solved_with(registered, answering([0.7501, 0.2499], [-0.2501, 0.4998]), polish=True)
     assert solution.ok
