@@ -8,11 +8,10 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import tomli_w
-import xarray as xr
 
 from deli import scenes
 from deli.errors import InputError
@@ -21,6 +20,9 @@ from deli.mechanics.scene import Scene
 from deli.recording.schema import AXES, CONVENTIONS, UNITS_NOTE
 from deli.subproblems.choices import parse_choices
 from solvers.registry import BUILTIN, REFERENCE
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 CUSTOM = "custom"
 NONE_USED = "none used"
@@ -57,7 +59,7 @@ def method_name(method: type) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", method.__name__).lower()
 
 
-def scene_of(run: xr.DataTree) -> Scene | None:
+def scene_of(run: "xr.DataTree") -> Scene | None:
     """The scene a run was computed with, or None if it was a user's own and cannot be rebuilt."""
     table = dict(tomllib.loads(run.attrs["config"])["scene"])
     name = table.pop("name")

@@ -2,13 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from deli.subproblems.choices import SUBPROBLEMS
 from deli.subproblems.stats import STATUS_MEANINGS
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 CONVENTIONS = "deli-1"
 UNITS_NOTE = (
@@ -178,8 +180,10 @@ def coordinates(group: str) -> tuple[str, ...]:
     return {TRAJECTORY: ("time", "dof", "body", "direction", "axis"), STATS: ("step", "subproblem")}[group]
 
 
-def build_tree(groups: Groups, attributes: Mapping[str, Any]) -> xr.DataTree:
+def build_tree(groups: Groups, attributes: Mapping[str, Any]) -> "xr.DataTree":
     """Put variables and root attributes into the tree that users see."""
+    import xarray as xr  # takes half a second, and the names in this file are wanted without it
+
     datasets = {"/": xr.Dataset(attrs=dict(attributes))}
     for group, variables in groups.items():
         dataset = xr.Dataset({name: xr.Variable(*variable) for name, variable in variables.items()})
@@ -187,6 +191,6 @@ def build_tree(groups: Groups, attributes: Mapping[str, Any]) -> xr.DataTree:
     return xr.DataTree.from_dict(datasets)
 
 
-def dataset_of(run: xr.DataTree, group: str) -> xr.Dataset:
+def dataset_of(run: "xr.DataTree", group: str) -> "xr.Dataset":
     """One group of a run, with its coordinates."""
     return run.children[group].to_dataset()

@@ -3,9 +3,10 @@
 import signal
 import threading
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import xarray as xr
+if TYPE_CHECKING:
+    import xarray as xr
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -19,7 +20,7 @@ class Interrupted(KeyboardInterrupt):
         All rows until then.
     """
 
-    def __init__(self, message: str, run: xr.DataTree) -> None:
+    def __init__(self, message: str, run: "xr.DataTree") -> None:
         super().__init__(message)
         self.run = run
 
