@@ -1,31 +1,23 @@
 """Geometric integration of mechanical systems with contact, with swappable convex solvers."""
 
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import solvers
-
-if getattr(solvers, "PROJECT", None) != "deli":
-    _found = getattr(solvers, "__file__", None) or ", ".join(getattr(solvers, "__path__", ["an unknown place"]))
-    raise ImportError(
-        f"deli needs its own package 'solvers', but Python found another one first: {_found}. Rename or move that "
-        "file, or run from another directory."
-    )
-
-from deli import scenes
 from deli.errors import DeliError, InputError, StepError
-from deli.integrators.discrete_smooth import DiscreteSmooth
-from deli.integrators.gvi import GVI
-from deli.mechanics.constraints import Planes
-from deli.mechanics.distances import AnchoredRods, Rods, SpheresApart, SpheresInside
-from deli.mechanics.functions import Constraints, Potential
-from deli.mechanics.pair_potentials import LennardJones, Springs
-from deli.mechanics.potentials import Gravity, RadialPowers
-from deli.mechanics.scene import Scene
-from deli.reflect import reflect
 
 if TYPE_CHECKING:
-    from deli import plotting
+    from deli import plotting, scenes
+    from deli.integrators.discrete_smooth import DiscreteSmooth
+    from deli.integrators.gvi import GVI
+    from deli.mechanics.constraints import Planes
+    from deli.mechanics.distances import AnchoredRods, Rods, SpheresApart, SpheresInside
+    from deli.mechanics.functions import Constraints, Potential
+    from deli.mechanics.pair_potentials import LennardJones, Springs
+    from deli.mechanics.potentials import Gravity, RadialPowers
+    from deli.mechanics.scene import Scene
+    from deli.reflect import reflect
     from deli.running.interrupts import Interrupted
     from deli.simulation import open_run, simulate
 
@@ -57,15 +49,52 @@ __all__ = [
     "simulate",
 ]
 
-_ON_DEMAND = {"Interrupted": "deli.running.interrupts", "open_run": "deli.simulation", "simulate": "deli.simulation"}
+_MODULES = ("plotting", "scenes")
+_HOME = {
+    "GVI": "deli.integrators.gvi",
+    "AnchoredRods": "deli.mechanics.distances",
+    "Constraints": "deli.mechanics.functions",
+    "DiscreteSmooth": "deli.integrators.discrete_smooth",
+    "Gravity": "deli.mechanics.potentials",
+    "Interrupted": "deli.running.interrupts",
+    "LennardJones": "deli.mechanics.pair_potentials",
+    "Planes": "deli.mechanics.constraints",
+    "Potential": "deli.mechanics.functions",
+    "RadialPowers": "deli.mechanics.potentials",
+    "Rods": "deli.mechanics.distances",
+    "Scene": "deli.mechanics.scene",
+    "SpheresApart": "deli.mechanics.distances",
+    "SpheresInside": "deli.mechanics.distances",
+    "Springs": "deli.mechanics.pair_potentials",
+    "open_run": "deli.simulation",
+    "reflect": "deli.reflect",
+    "simulate": "deli.simulation",
+}
+
+
+def _refuse_stranger() -> None:
+    """Raise if Python finds another package `solvers` than the one installed beside this one."""
+    spec = find_spec("solvers")
+    places = [] if spec is None else [spec.origin] if spec.origin else list(spec.submodule_search_locations or ())
+    own = Path(__file__).resolve().parent.with_name("solvers")
+    if not any(Path(place).resolve().parent == own for place in places):
+        raise ImportError(
+            f"deli needs its own package 'solvers', but Python found another one first: "
+            f"{', '.join(places) or 'none'}. Rename or move that file, or run from another directory."
+        )
+
+
+_refuse_stranger()
 
 
 def __getattr__(name: str) -> Any:
-    # xarray, netCDF4 and matplotlib take longer to import than everything else; `deli --help` does without them.
-    if name == "plotting":
-        return import_module("deli.plotting")
-    if name in _ON_DEMAND:
-        return getattr(import_module(_ON_DEMAND[name]), name)
+    # numpy, scipy, xarray and matplotlib take longer to import than `deli --help` should take.
+    if name in _MODULES:
+        return import_module(f"deli.{name}")
+    if name in _HOME:
+        # Kept, for importing deli.reflect has put the module where the function belongs.
+        value = globals()[name] = getattr(import_module(_HOME[name]), name)
+        return value
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -12,7 +12,6 @@ from solvers import registry
 from solvers.backends.base import Answer, Backend
 from solvers.declared import checks
 from solvers.errors import ParameterError, SolverError
-from solvers.polish import Polish
 from solvers.residuals import Residuals
 from solvers.solution import Solution, Status
 
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     import cvxpy
 
     from solvers.canonical import Canonical
+    from solvers.polish import Polish
 
 
 def compile(
@@ -104,7 +104,11 @@ class CompiledProblem:
         self._canonical = canonical
         self._members = tuple(options)
         self._options = options
-        self._polish = Polish(self.program) if polish else None
+        self._polish: Polish | None = None
+        if polish:
+            from solvers.polish import Polish  # scipy.optimize takes long to import, and listing needs no polish
+
+            self._polish = Polish(self.program)
         self._solvers: list[Backend] = []
         self._attach(0)
 

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from deli.commands.console import console, guarded
+from deli.errors import InputError
 
 
 @guarded
@@ -18,8 +19,6 @@ def scenes(
     from rich.table import Table
 
     from deli import scenes as registry
-    from deli.config.models import listed
-    from deli.errors import InputError
 
     if name is None:
         table = Table("scene", "what", "step size", "duration", "scheme")
@@ -30,6 +29,8 @@ def scenes(
         console().print(table)
         return
     if name not in registry.available():
+        from deli.config.models import listed
+
         raise InputError(f"{name!r} is not a scene; {listed(name, registry.available())}.")
     build = inspect.unwrap(registry.get(name))
     table = Table("parameter", "default", title=name, title_justify="left")
