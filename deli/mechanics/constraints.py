@@ -16,13 +16,20 @@ from numpy.typing import ArrayLike
 from deli.errors import InputError
 from deli.mechanics.arrays import Array, Indices, body_indices, broadcast, one_vector_each, real_array
 from deli.mechanics.family import ArrayFamily, Family, Invariance, Layout, chosen_bodies, common_invariance
+from deli.mechanics.tables import PLANE, Rows, make_rows, other_rows, stacked
+
+LARGEST_MATRIX = 1_000_000
+"""Entries up to which planes keep their normals as a matrix of shape (rows, dof)."""
 
 
 class ConstraintFamily(Family):
     """Scalar constraints c(q) with their jacobian, q the flat configuration of length dof."""
 
     constant_jacobian: bool = False
+    searched: bool = False
+    """Whether rows, other than the fixed ones, are found by search among all pairs of bodies."""
     rows: int
+    """Number of fixed rows."""
 
     @abc.abstractmethod
     def value(self, q: Array) -> Array:
@@ -35,6 +42,26 @@ class ConstraintFamily(Family):
     @abc.abstractmethod
     def labels(self) -> list[str]:
         """Name each row for messages; bodies are counted from 0."""
+
+    def rows_table(self) -> Rows | None:
+        """Return the fixed rows as a table, in the order of ``value``, or None where they have no such form."""
+        return None
+
+
+class SearchedFamily(ConstraintFamily):
+    """A family that can find its rows by search, where ``searched`` says so."""
+
+    @abc.abstractmethod
+    def neighbours(self, q: Array, reach: float) -> Rows:
+        """Return the rows whose value is at most ``reach`` at one configuration."""
+
+    @abc.abstractmethod
+    def nearest(self, q: Array) -> Rows:
+        """Return the row with the smallest value at one configuration."""
+
+    @abc.abstractmethod
+    def least(self, q: Array) -> float:
+        """Return the smallest value over all rows at one configuration, inf if there is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +84,7 @@ class Planes(ArrayFamily, ConstraintFamily):
     rows: int = field(init=False, repr=False)
     _index: Indices = field(init=False, repr=False)
     _normals: Array = field(init=False, repr=False)
-    _matrix: Array = field(init=False, repr=False)
+    _matrix: Array | None = field(init=False, repr=False)
     _offsets: Array = field(init=False, repr=False)
 
     constant_jacobian = True
@@ -76,18 +103,29 @@ class Planes(ArrayFamily, ConstraintFamily):
         if flat.size:
             raise InputError(f"normals of Planes: row {int(flat[0])} is zero; a normal must not be zero")
         offsets = broadcast("offsets of Planes", np.asarray(self.offsets), shape[:1], "for each row")
-        matrix = np.zeros((index.size, layout.bodies, layout.dimension))
-        matrix[np.arange(index.size), index] = normals
         self._set(rows=index.size, _index=index, _normals=normals, _offsets=offsets)
-        self._set(_matrix=matrix.reshape(index.size, layout.dof))
+        self._set(_matrix=self._spread(layout) if index.size * layout.dof <= LARGEST_MATRIX else None)
+
+    def _spread(self, layout: Layout) -> Array:
+        matrix = np.zeros((self.rows, layout.bodies, layout.dimension))
+        matrix[np.arange(self.rows), self._index] = self._normals
+        return matrix.reshape(self.rows, layout.dof)
 
     def value(self, q: Array) -> Array:
         """Return normal . q_i - offset, shape (..., rows)."""
-        return q @ self._matrix.T - self._offsets
+        if self._matrix is not None:
+            return q @ self._matrix.T - self._offsets
+        x = q.reshape(*q.shape[:-1], -1, self.bound.dimension).take(self._index, axis=-2)
+        value: Array = np.vecdot(x, self._normals) - self._offsets
+        return value
 
     def jacobian(self, q: Array) -> Array:
         """Return the normals in their body's columns, shape (rows, dof)."""
-        return self._matrix
+        return self._spread(self.bound) if self._matrix is None else self._matrix
+
+    def rows_table(self) -> Rows:
+        """Return the rows as a table, in the order of ``value``."""
+        return make_rows(PLANE, self._index, self._normals, self._offsets)
 
     def labels(self) -> list[str]:
         """Name each row for messages; bodies are counted from 0."""
@@ -110,18 +148,22 @@ class ConstraintStack(ConstraintFamily):
     """
 
     def __init__(self, families: Sequence[ConstraintFamily] = (), layout: Layout | None = None) -> None:
-        self.families = tuple(families)
+        parts = (part.families if isinstance(part, ConstraintStack) else (part,) for part in families)
+        self.families: tuple[ConstraintFamily, ...] = tuple(family for part in parts for family in part)
         self.layout = layout
         self.constant_jacobian = all(family.constant_jacobian for family in self.families)
         if layout is not None:
             self.rows = sum(family.rows for family in self.families)
+            self.searched = any(family.searched for family in self.families)
 
     def __repr__(self) -> str:
         return f"ConstraintStack({list(self.families)})"
 
     def bind(self, layout: Layout) -> Self:
         """Return the stack with every family bound to ``layout``."""
-        return type(self)([family.bind(layout) for family in self.families], layout)
+        bound = type(self)([family.bind(layout) for family in self.families], layout)
+        bound.rows_table()  # refuses families that do not fit together
+        return bound
 
     def value(self, q: Array) -> Array:
         """Return c, shape (..., rows), of configurations of shape (..., dof)."""
@@ -140,6 +182,44 @@ class ConstraintStack(ConstraintFamily):
     def labels(self) -> list[str]:
         """Name each row for messages; bodies are counted from 0."""
         return [label for family in self.families for label in family.labels()]
+
+    def rows_table(self) -> Rows:
+        """Return the fixed rows of all families as one table, in the order of ``value``.
+
+        Rows of families that have no table are of kind `OTHER`, numbered from 0 through the whole stack.
+        """
+        dimension = self._bound.dimension
+        tables = (family.rows_table() or other_rows(family.rows, dimension) for family in self.families)
+        return stacked(list(tables), dimension)
+
+    def neighbours(self, q: Array, reach: float) -> Rows:
+        """Return the table of all fixed rows, followed by the rows that searched families find.
+
+        Parameters
+        ----------
+        q
+            Configuration, shape (dof,).
+        reach
+            A length: searched families find the pairs whose value is at most this.
+        """
+        found = [family.neighbours(q, reach) for family in self.searched_families]
+        return stacked([self.rows_table(), *found], self._bound.dimension)
+
+    @property
+    def others(self) -> tuple[ConstraintFamily, ...]:
+        """The families without a table, whose rows are of kind `OTHER`."""
+        return tuple(family for family in self.families if family.rows_table() is None)
+
+    @property
+    def searched_families(self) -> tuple[SearchedFamily, ...]:
+        """The families whose rows are found by search."""
+        return tuple(family for family in self.families if isinstance(family, SearchedFamily) and family.searched)
+
+    @property
+    def _bound(self) -> Layout:
+        if self.layout is None:
+            raise AttributeError("not bound to a scene yet: pass it to deli.Scene(...), or call .bind(layout)")
+        return self.layout
 
     def invariance(self) -> Invariance:
         """Return the rigid motions that leave every family unchanged."""

@@ -1,78 +1,32 @@
-"""Constraints on distances: spheres apart, spheres inside a sphere, rods between bodies and from pivots."""
+"""Constraints on distances: spheres apart, inside and outside a sphere, rods between bodies and from pivots."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deli.mechanics.arrays import (
-    TINY,
-    Array,
-    Indices,
-    body_indices,
-    body_pairs,
-    broadcast,
-    one_vector_each,
-    positive_array,
-    real_array,
-)
-from deli.mechanics.constraints import ConstraintFamily
-from deli.mechanics.family import ArrayFamily, Invariance, Layout, chosen_bodies
-from deli.mechanics.pairs import Pairs
+from deli.errors import InputError
+from deli.mechanics.arrays import Array, Indices, broadcast, real_array
+from deli.mechanics.constraints import SearchedFamily
+from deli.mechanics.distance_rows import PairDistances, PointDistances
+from deli.mechanics.family import Invariance, Layout
+from deli.mechanics.search import closest_pair, pairs_within
+from deli.mechanics.tables import PAIR, Rows, make_rows, table_values
+from deli.mechanics.vectors import nearest_images
+
+SEARCH_ABOVE = 200
+"""Bodies beyond which all pairs are found by search and not listed."""
 
 
 @dataclass(frozen=True, eq=False)
-class PairDistances(ArrayFamily, ConstraintFamily):
-    """Distances of pairs of bodies less a target, |q_i - q_j| - target.
-
-    Where two bodies are at one place the direction is undefined and the jacobian's row is zero.
-    """
-
-    pairs: ArrayLike | None
-    rows: int = field(init=False, repr=False)
-    _pairs: Pairs = field(init=False, repr=False)
-    _targets: Array = field(init=False, repr=False)
-
-    _target: ClassVar[str]
-    _word: ClassVar[str]
-
-    def _read(self) -> None:
-        name = type(self).__name__
-        if self.pairs is not None:
-            self._set(pairs=body_pairs(f"pairs of {name}", self.pairs))
-        self._set(**{self._target: positive_array(f"{self._target} of {name}", getattr(self, self._target))})
-
-    def _prepare(self, layout: Layout) -> None:
-        name = type(self).__name__
-        pairs = Pairs(f"pairs of {name}", None if self.pairs is None else np.asarray(self.pairs), layout)
-        target = getattr(self, self._target)
-        targets = broadcast(f"{self._target} of {name}", target, (pairs.count,), "for each pair")
-        self._set(rows=pairs.count, _pairs=pairs, _targets=targets)
-
-    def value(self, q: Array) -> Array:
-        """Return |q_i - q_j| - target, shape (..., rows)."""
-        return lengths(self._pairs.separations(q)) - self._targets
-
-    def jacobian(self, q: Array) -> Array:
-        """Return unit vectors, + at body i and - at body j, shape (rows, dof)."""
-        return self._pairs.jacobian(directions(self._pairs.separations(q)))
-
-    def labels(self) -> list[str]:
-        """Name each row for messages; bodies are counted from 0."""
-        joined = zip(self._pairs.first, self._pairs.second, strict=True)
-        return [f"{self._word} body {i} - body {j}" for i, j in joined]
-
-    def invariance(self) -> Invariance:
-        """Every translation and rotation."""
-        return Invariance.everything(self.bound.dimension)
-
-
-@dataclass(frozen=True, eq=False)
-class SpheresApart(PairDistances):
+class SpheresApart(PairDistances, SearchedFamily):
     """Spheres that must not overlap, |q_i - q_j| - distance (8.5, 8.7, 8.9); as unilateral constraints.
+
+    In a periodic box |q_i - q_j| is the distance to the nearest image, |x - period round(x/period)| with
+    x = q_i - q_j; positions need not stay inside the box. All pairs of more than SEARCH_ABOVE bodies are never
+    listed: such a family is ``searched``, has no fixed rows, and finds those that matter with ``neighbours``.
 
     Parameters
     ----------
@@ -80,12 +34,109 @@ class SpheresApart(PairDistances):
         Pairs (i, j) of body numbers, counted from 0; None for all pairs i < j.
     distance
         Sum of the radii > 0, one number or one for each pair.
+    period
+        Length of a periodic box, one number or one for each axis, at least twice the largest distance; 0 along an
+        axis that is not periodic, None where none is.
     """
 
     distance: ArrayLike
+    period: ArrayLike | None = None
+    searched: bool = field(init=False, repr=False)
+    _period: Array = field(init=False, repr=False)
 
     _target = "distance"
     _word = "gap"
+
+    def _read(self) -> None:
+        super()._read()
+        if self.period is not None:
+            self._set(period=real_array("period of SpheresApart", self.period))
+
+    def _prepare(self, layout: Layout) -> None:
+        given = np.zeros(()) if self.period is None else np.asarray(self.period)
+        period = broadcast("period of SpheresApart", given, (layout.dimension,), "for each axis")
+        largest = float(np.max(np.asarray(self.distance), initial=0.0))
+        wrong = (period != 0.0) & (period < 2.0 * largest)
+        if wrong.any():
+            raise InputError(
+                f"period of SpheresApart: found {float(period[wrong][0])}; it must be at least twice the distance "
+                f"{largest}, so that no sphere touches two images of another, or 0 along an axis that is not periodic"
+            )
+        searched = self.pairs is None and np.size(self.distance) == 1 and layout.bodies > SEARCH_ABOVE
+        self._set(_period=period, searched=searched)
+        if searched:
+            self._set(rows=0)
+        else:
+            super()._prepare(layout)
+
+    def value(self, q: Array) -> Array:
+        """Return |q_i - q_j| - distance, shape (..., rows)."""
+        self._check_listed("value")
+        return super().value(q)
+
+    def jacobian(self, q: Array) -> Array:
+        """Return unit vectors, + at body i and - at body j, shape (rows, dof)."""
+        self._check_listed("jacobian")
+        return super().jacobian(q)
+
+    def labels(self) -> list[str]:
+        """Name each fixed row for messages; bodies are counted from 0."""
+        return [] if self.searched else super().labels()
+
+    def rows_table(self) -> Rows:
+        """Return the fixed rows as a table, in the order of ``value``; none of a searched family."""
+        none = np.zeros(0, dtype=np.intp)
+        return self._table(none, none) if self.searched else super().rows_table()._replace(period=self._period.copy())
+
+    def neighbours(self, q: Array, reach: float) -> Rows:
+        """Return the pairs i < j with |q_i - q_j| - distance <= reach, in lexicographic order.
+
+        Parameters
+        ----------
+        q
+            Configuration, shape (dof,).
+        reach
+            A length; below -distance there are no such pairs.
+        """
+        bodies = q.reshape(-1, self.bound.dimension)
+        first, second = pairs_within(bodies, self._one_distance() + reach, self._period)
+        rows = self._table(first, second)
+        near = table_values(rows, q) <= reach
+        return rows if near.all() else self._table(first[near], second[near])
+
+    def nearest(self, q: Array) -> Rows:
+        """Return the pair i < j with the smallest |q_i - q_j| at one configuration; none of fewer than two bodies."""
+        return self._table(*closest_pair(q.reshape(-1, self.bound.dimension), self._period))
+
+    def least(self, q: Array) -> float:
+        """Return the smallest |q_i - q_j| - distance over all pairs at one configuration, inf if there is none."""
+        return float(np.min(table_values(self.nearest(q), q), initial=np.inf))
+
+    def invariance(self) -> Invariance:
+        """Every translation; rotations that mix no periodic axis with another."""
+        everything = Invariance.everything(self.bound.dimension)
+        return Invariance(everything.translations, Invariance.of_vectors(np.diag(self._period), free=True).rotations)
+
+    def _separations(self, q: Array) -> Array:
+        return nearest_images(super()._separations(q), self._period)
+
+    def _table(self, first: Indices, second: Indices) -> Rows:
+        nowhere = np.zeros(self.bound.dimension)
+        rows = make_rows(PAIR, first, nowhere, self._one_distance(), second=second)
+        return rows._replace(period=self._period.copy())
+
+    def _one_distance(self) -> float:
+        distance = np.asarray(self.distance)
+        if self.pairs is not None or distance.size != 1:
+            raise InputError("SpheresApart: only all pairs (pairs=None) at one distance are searched; use value")
+        return float(distance.item())
+
+    def _check_listed(self, method: str) -> None:
+        if self.searched:
+            raise InputError(
+                f"{method} of SpheresApart: all pairs of {self.bound.bodies} bodies are not listed (more than "
+                f"{SEARCH_ABOVE} bodies); find the near ones with neighbours(q, reach), the smallest gap with least(q)"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,68 +155,6 @@ class Rods(PairDistances):
 
     _target = "length"
     _word = "rod"
-
-
-@dataclass(frozen=True, eq=False)
-class PointDistances(ArrayFamily, ConstraintFamily):
-    """Distances of bodies from fixed points less a target, sign (|q_i - point_i| - target).
-
-    At the point itself the direction is undefined and the jacobian's row is zero.
-    """
-
-    bodies: ArrayLike | None = field(default=None, kw_only=True)
-    rows: int = field(init=False, repr=False)
-    _index: Indices = field(init=False, repr=False)
-    _row_numbers: Indices = field(init=False, repr=False)
-    _points: Array = field(init=False, repr=False)
-    _targets: Array = field(init=False, repr=False)
-
-    _point: ClassVar[str]
-    _target: ClassVar[str]
-    _word: ClassVar[str]
-    _sign: ClassVar[float]
-
-    def _read(self) -> None:
-        name = type(self).__name__
-        self._set(**{self._target: positive_array(f"{self._target} of {name}", getattr(self, self._target))})
-        self._set(**{self._point: real_array(f"{self._point} of {name}", getattr(self, self._point))})
-        if self.bodies is not None:
-            self._set(bodies=body_indices(f"bodies of {name}", self.bodies))
-
-    def _prepare(self, layout: Layout) -> None:
-        name = type(self).__name__
-        index = chosen_bodies(f"bodies of {name}", self.bodies, layout)
-        shape = (index.size, layout.dimension)
-        target, point = getattr(self, self._target), getattr(self, self._point)
-        targets = broadcast(f"{self._target} of {name}", target, shape[:1], "for each body")
-        points = one_vector_each(f"{self._point} of {name}", point, *shape)
-        self._set(rows=index.size, _index=index, _row_numbers=np.arange(index.size))
-        self._set(_points=points, _targets=targets)
-
-    def _offsets(self, q: Array) -> Array:
-        layout = self.bound
-        x = q.reshape(*q.shape[:-1], layout.bodies, layout.dimension)
-        offsets: Array = x.take(self._index, axis=-2) - self._points
-        return offsets
-
-    def value(self, q: Array) -> Array:
-        """Return sign (|q_i - point_i| - target), shape (..., rows)."""
-        return self._sign * (lengths(self._offsets(q)) - self._targets)
-
-    def jacobian(self, q: Array) -> Array:
-        """Return unit vectors from the points, times sign, shape (rows, dof)."""
-        layout = self.bound
-        rows = np.zeros((self.rows, layout.bodies, layout.dimension))
-        rows[self._row_numbers, self._index] = self._sign * directions(self._offsets(q))
-        return rows.reshape(self.rows, layout.dof)
-
-    def labels(self) -> list[str]:
-        """Name each row for messages; bodies are counted from 0."""
-        return [f"{self._word} body {body}" for body in self._index]
-
-    def invariance(self) -> Invariance:
-        """Rotations about an axis that contains all points; no translation."""
-        return Invariance.of_vectors(self._points, free=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,6 +181,31 @@ class SpheresInside(PointDistances):
 
 
 @dataclass(frozen=True, eq=False)
+class SpheresOutside(PointDistances):
+    """Bodies outside a fixed sphere, |q_i - centre_i| - radius; as unilateral constraints.
+
+    In the plane the sphere is a circle: the cross-section of a cylinder.
+
+    Parameters
+    ----------
+    radius
+        Smallest distance > 0 of a body's centre, one number or one for each row.
+    centre
+        One point of length dimension or one for each row; the origin if left out.
+    bodies
+        The body of each row, counted from 0; each body once if left out.
+    """
+
+    radius: ArrayLike
+    centre: ArrayLike = 0.0
+
+    _point = "centre"
+    _target = "radius"
+    _word = "obstacle gap"
+    _sign = 1.0
+
+
+@dataclass(frozen=True, eq=False)
 class AnchoredRods(PointDistances):
     """Rigid rods from fixed pivots, |q_i - pivot_i| - length (8.6); as bilateral constraints.
 
@@ -212,15 +226,3 @@ class AnchoredRods(PointDistances):
     _target = "length"
     _word = "anchored rod"
     _sign = 1.0
-
-
-def lengths(x: Array) -> Array:
-    """Return the euclidean length of each vector, shape (..., dimension) -> (...)."""
-    result: Array = np.sqrt(np.vecdot(x, x))
-    return result
-
-
-def directions(x: Array) -> Array:
-    """Return each row divided by its length, zero where the length is zero."""
-    result: Array = x / np.maximum(lengths(x), TINY)[:, None]
-    return result

@@ -11,6 +11,11 @@ from deli.mechanics.arrays import Array
 from deli.mechanics.scene import Scene
 from deli.mechanics.schemes import Scheme
 
+NO_HESSIAN = (
+    'energy "numerical": the potential has no hessian; pass hessian=... to deli.Potential, or leave out its '
+    'gradient as well and write energy with jax.numpy (pip install "deli[jax]")'
+)
+
 
 def kinetic_energy(scene: Scene, p: Array) -> Any:
     """Return p.M^-1 p / 2, shape (..., dof) -> (...)."""
@@ -55,7 +60,9 @@ def numerical_hamiltonian(scene: Scene, scheme: Scheme, q: Array, p: Array, step
     correction = np.empty(len(flat_q))
     for k, (position, momentum) in enumerate(zip(flat_q, flat_p, strict=True)):
         v, gradient = momentum / scene.mass, scene.potential.gradient(position)
-        curvature = v @ potential_hessian(scene, position) @ v
+        curvature = scene.potential.curvature(position, v)
+        if curvature is None:
+            raise InputError(NO_HESSIAN)
         force = gradient @ (gradient / scene.mass)
         correction[k] = scheme.numerical_curvature * curvature + scheme.numerical_force * force
     return hamiltonian(scene, q, p) + step_size**2 * correction.reshape(q.shape[:-1])
@@ -105,8 +112,5 @@ def potential_hessian(scene: Scene, q: Array) -> Array:
     """Return V''(q), shape (dof, dof), refusing a potential that has none."""
     hessian = scene.potential.hessian(q)
     if hessian is None:
-        raise InputError(
-            'energy "numerical": the potential has no hessian; pass hessian=... to deli.Potential, or leave out its '
-            'gradient as well and write energy with jax.numpy (pip install "deli[jax]")'
-        )
+        raise InputError(NO_HESSIAN)
     return hessian

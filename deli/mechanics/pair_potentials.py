@@ -14,6 +14,7 @@ from deli.mechanics.arrays import Array, body_pairs, broadcast, real_array
 from deli.mechanics.family import ArrayFamily, Invariance, Layout, outer_blocks
 from deli.mechanics.pairs import Pairs
 from deli.mechanics.potentials import PotentialFamily
+from deli.mechanics.tables import LENNARD_JONES, SPRING, Terms, make_terms
 
 SMALLEST_LENGTH = 1e-150
 """Stands in for the length of a spring whose ends coincide; times their difference, 0, it makes no force."""
@@ -48,14 +49,37 @@ class PairPotential(ArrayFamily, PotentialFamily):
 
     def hessian(self, q: Array) -> Array:
         """Return V'' at one configuration, shape (dof, dof)."""
+        x, across, along = self._second_derivatives(q)
+        blocks = across[:, None, None] * self._pairs.identity + along[:, None, None] * outer_blocks(x)
+        return self._pairs.hessian(blocks)
+
+    def _second_derivatives(self, q: Array) -> tuple[Array, Array, Array]:
+        # separations x, a and b of each pair's block a I + b x x^T
         x = self._pairs.separations(q)
         square = np.vecdot(x, x)
         slope, curvature = self._slope(square), self._curvature(square)
         if not square.all():  # no direction at coincident bodies: the same curvature in all of them
             apart = square > 0.0
             slope, square = np.where(apart, slope, curvature), np.where(apart, square, 1.0)
-        along = (curvature - slope) / square
-        return self._pairs.hessian(slope[:, None, None] * self._pairs.identity + along[:, None, None] * outer_blocks(x))
+        return x, slope, (curvature - slope) / square
+
+    def curvature(self, q: Array, v: Array) -> float:
+        """Return v . V''(q) v at one configuration."""
+        x, across, along = self._second_derivatives(q)
+        parted = self._pairs.separations(v)
+        return float(across @ np.vecdot(parted, parted) + along @ np.vecdot(x, parted) ** 2)
+
+    def _terms(self, kind: int, strength: Array, length: Array) -> Terms:
+        layout, pairs = self.bound, self._pairs
+        return make_terms(
+            layout.dof,
+            layout.dimension,
+            kind=np.full(pairs.count, kind),
+            first=pairs.first,
+            second=pairs.second,
+            strength=strength,
+            length=length,
+        )
 
     def invariance(self) -> Invariance:
         """Every translation and rotation."""
@@ -101,6 +125,10 @@ class Springs(PairPotential):
         length = broadcast("rest_length of Springs", np.asarray(self.rest_length), shape, "for each pair")
         self._set(_pairs=pairs, _stiffness=stiffness, _rest_length=length)
 
+    def terms_table(self) -> Terms:
+        """Return the potential as a table of terms."""
+        return self._terms(SPRING, self._stiffness, self._rest_length)
+
     def _energy(self, square: Array) -> Array:
         stretch: Array = np.sqrt(square) - self._rest_length
         return 0.5 * self._stiffness * stretch * stretch
@@ -133,6 +161,7 @@ class LennardJones(PairPotential):
     pairs: ArrayLike | None = None
     _pairs: Pairs = field(init=False, repr=False)
     _depth: Array = field(init=False, repr=False)
+    _length: Array = field(init=False, repr=False)
     _square: Array = field(init=False, repr=False)
 
     def _read(self) -> None:
@@ -150,7 +179,11 @@ class LennardJones(PairPotential):
         shape = (pairs.count,)
         depth = broadcast("epsilon of LennardJones", np.asarray(self.epsilon), shape, "for each pair")
         sigma = broadcast("sigma of LennardJones", np.asarray(self.sigma), shape, "for each pair")
-        self._set(_pairs=pairs, _depth=4.0 * depth, _square=sigma * sigma)
+        self._set(_pairs=pairs, _depth=4.0 * depth, _length=sigma, _square=sigma * sigma)
+
+    def terms_table(self) -> Terms:
+        """Return the potential as a table of terms."""
+        return self._terms(LENNARD_JONES, self._depth, self._length)
 
     def _energy(self, square: Array) -> Array:
         sixth = _cube(self._square / square)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import abc
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,9 +17,9 @@ from deli.mechanics.family import (
     Invariance,
     Layout,
     chosen_bodies,
-    common_invariance,
     outer_blocks,
 )
+from deli.mechanics.tables import Terms, make_terms
 
 
 class PotentialFamily(Family):
@@ -40,6 +39,15 @@ class PotentialFamily(Family):
     def hessian(self, q: Array) -> Array | None:
         """Return V'' at one configuration, shape (dof, dof), or None where it is not available."""
 
+    def curvature(self, q: Array, v: Array) -> float | None:
+        """Return v . V''(q) v at one configuration, or None where there is no hessian."""
+        hessian = self.hessian(q)
+        return None if hessian is None else float(v @ hessian @ v)
+
+    def terms_table(self) -> Terms | None:
+        """Return the potential as a table of terms, or None where it has no such form."""
+        return None
+
 
 @dataclass(frozen=True, eq=False)
 class Gravity(ArrayFamily, PotentialFamily):
@@ -53,7 +61,6 @@ class Gravity(ArrayFamily, PotentialFamily):
 
     acceleration: ArrayLike
     _weight: Array = field(init=False, repr=False)
-    _zero: Array = field(init=False, repr=False)
 
     constant_hessian = True
 
@@ -67,8 +74,7 @@ class Gravity(ArrayFamily, PotentialFamily):
                 f"acceleration of Gravity: found shape {acceleration.shape}; the scene has dimension "
                 f"{layout.dimension}: pass a vector of that length"
             )
-        weight = -layout.mass * np.tile(acceleration, layout.bodies)
-        self._set(_weight=weight, _zero=np.zeros((layout.dof, layout.dof)))
+        self._set(_weight=-layout.mass * np.tile(acceleration, layout.bodies))
 
     def energy(self, q: Array) -> Any:
         """Return V, shape (...,), of configurations of shape (..., dof)."""
@@ -80,7 +86,15 @@ class Gravity(ArrayFamily, PotentialFamily):
 
     def hessian(self, q: Array) -> Array:
         """Return V'' at one configuration, shape (dof, dof)."""
-        return self._zero
+        return np.zeros((q.size, q.size))
+
+    def curvature(self, q: Array, v: Array) -> float:
+        """Return v . V''(q) v at one configuration."""
+        return 0.0
+
+    def terms_table(self) -> Terms:
+        """Return the potential as a table of terms."""
+        return make_terms(self.bound.dof, self.bound.dimension, weight=self._weight)
 
     def invariance(self) -> Invariance:
         """Translations across the acceleration; rotations about an axis along it."""
@@ -163,71 +177,36 @@ class RadialPowers(ArrayFamily, PotentialFamily):
         """Return V'' at one configuration, shape (dof, dof)."""
         layout = self.bound
         n, d = layout.bodies, layout.dimension
+        x, across, along = self._second_derivatives(q)
+        total = np.zeros((n, d, n, d))
+        blocks = across[:, None, None] * self._identity + along[:, None, None] * outer_blocks(x)
+        total[self._index, :, self._index, :] = blocks
+        return total.reshape(n * d, n * d)
+
+    def _second_derivatives(self, q: Array) -> tuple[Array, Array, Array]:
+        # offsets x, a and b of each body's block a I + b x x^T
         x, square = self._offsets(q)
         powers = square[:, None] ** self._halved
-        along = (powers @ self._second) / np.maximum(square, TINY)
-        total = np.zeros((n, d, n, d))
-        total[self._index, :, self._index, :] = (powers @ self._first)[:, None, None] * self._identity + along[
-            :, None, None
-        ] * outer_blocks(x)
-        return total.reshape(n * d, n * d)
+        return x, powers @ self._first, (powers @ self._second) / np.maximum(square, TINY)
+
+    def curvature(self, q: Array, v: Array) -> float:
+        """Return v . V''(q) v at one configuration."""
+        x, across, along = self._second_derivatives(q)
+        moved = v.reshape(-1, self.bound.dimension)[self._index]
+        return float(across @ np.vecdot(moved, moved) + along @ np.vecdot(x, moved) ** 2)
+
+    def terms_table(self) -> Terms:
+        """Return the potential as a table of terms."""
+        count, powers = self._index.size, np.size(self.exponents)
+        return make_terms(
+            self.bound.dof,
+            self.bound.dimension,
+            body=np.repeat(self._index, powers),
+            centre=np.repeat(self._centre, powers, axis=0),
+            coefficient=np.tile(np.asarray(self.coefficients), count),
+            exponent=np.tile(np.asarray(self.exponents), count),
+        )
 
     def invariance(self) -> Invariance:
         """Rotations about an axis that contains all centres; no translation."""
         return Invariance.of_vectors(self._centre, free=False)
-
-
-class PotentialSum(PotentialFamily):
-    """The sum of several potentials; of none, the zero potential.
-
-    Parameters
-    ----------
-    families
-        The potentials.
-    layout
-        The layout they are bound to, or None.
-    """
-
-    def __init__(self, families: Sequence[PotentialFamily] = (), layout: Layout | None = None) -> None:
-        self.families = tuple(families)
-        self.layout = layout
-        self.constant_hessian = all(family.constant_hessian for family in self.families)
-
-    def __repr__(self) -> str:
-        return f"PotentialSum({list(self.families)})"
-
-    def bind(self, layout: Layout) -> Self:
-        """Return the sum with every potential bound to ``layout``."""
-        return type(self)([family.bind(layout) for family in self.families], layout)
-
-    def energy(self, q: Array) -> Any:
-        """Return V, shape (...,), of configurations of shape (..., dof)."""
-        total = np.zeros(q.shape[:-1])
-        for family in self.families:
-            total = total + family.energy(q)
-        return total
-
-    def gradient(self, q: Array) -> Array:
-        """Return the gradient of V at one configuration, shape (dof,)."""
-        if not self.families:
-            return np.zeros(q.size)
-        total = self.families[0].gradient(q)
-        for family in self.families[1:]:
-            total = total + family.gradient(q)
-        return total
-
-    def hessian(self, q: Array) -> Array | None:
-        """Return V'' at one configuration, shape (dof, dof), or None where one of the potentials has none."""
-        if not self.families:
-            return np.zeros((q.size, q.size))
-        total = self.families[0].hessian(q)
-        for family in self.families[1:]:
-            hessian = family.hessian(q)
-            if total is None or hessian is None:
-                return None
-            total = total + hessian
-        return total
-
-    def invariance(self) -> Invariance:
-        """Return the rigid motions that leave every potential unchanged."""
-        return common_invariance(self.families, self.layout)

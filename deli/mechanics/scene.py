@@ -14,7 +14,9 @@ from deli.errors import InputError
 from deli.mechanics.arrays import Array, frozen, positive_array, real_array
 from deli.mechanics.constraints import ConstraintFamily, ConstraintStack
 from deli.mechanics.family import Layout
-from deli.mechanics.potentials import PotentialFamily, PotentialSum
+from deli.mechanics.initial import check_momentum, check_position, check_potential
+from deli.mechanics.potential_sum import PotentialSum
+from deli.mechanics.potentials import PotentialFamily
 from deli.mechanics.symmetry import Conserved, conserved
 
 TOLERANCE = 1e-9
@@ -90,10 +92,10 @@ class Scene:
         self._set(potential=PotentialSum(_families("potential", potential, PotentialFamily)).bind(layout))
         self._set(unilateral=ConstraintStack(_families("unilateral", unilateral, ConstraintFamily)).bind(layout))
         self._set(bilateral=ConstraintStack(_families("bilateral", bilateral, ConstraintFamily)).bind(layout))
-        self._check_potential()
-        self._check_position("unilateral", self.unilateral)
-        self._check_position("bilateral", self.bilateral)
-        self._check_momentum()
+        check_potential(self.potential, q)
+        check_position("unilateral", self.unilateral, q, TOLERANCE * self.length_scale)
+        check_position("bilateral", self.bilateral, q, TOLERANCE * self.length_scale)
+        check_momentum(self.bilateral, q, p / self.mass, TOLERANCE)
 
     def _set(self, **values: Any) -> None:
         for name, value in values.items():
@@ -118,45 +120,6 @@ class Scene:
     def symmetry(self) -> Conserved:
         """Components of momentum the scene conserves."""
         return conserved(self)
-
-    def _check_potential(self) -> None:
-        with np.errstate(all="ignore"):
-            energy = float(self.potential.energy(self.position))
-            gradient = self.potential.gradient(self.position)
-        if not (np.isfinite(energy) and np.isfinite(gradient).all()):
-            raise InputError(
-                f"potential: energy {energy} and largest force {float(np.abs(gradient).max())} at the initial "
-                "position; start where the potential is finite"
-            )
-
-    def _check_position(self, side: str, stack: ConstraintStack) -> None:
-        with np.errstate(all="ignore"):
-            value, jacobian = stack.value(self.position), stack.jacobian(self.position)
-        unilateral = side == "unilateral"
-        allowed = TOLERANCE * self.length_scale * np.linalg.norm(jacobian, axis=1)
-        miss = (-value if unilateral else np.abs(value)) - allowed
-        wrong = ~(miss <= 0.0)
-        if wrong.any():
-            row = int(np.argmax(np.where(np.isnan(miss), np.inf, miss)))
-            raise InputError(
-                f"position: {side} constraint {row} ({stack.labels()[row]}) has value {value[row]:.6g} at the start; "
-                f"it must be {'>=' if unilateral else '='} 0 (within {allowed[row]:.1e}); move the bodies "
-                f"{'apart' if unilateral else 'onto the constraint'}"
-            )
-
-    def _check_momentum(self) -> None:
-        velocity = self.momentum / self.mass
-        jacobian = self.bilateral.jacobian(self.position)
-        rate = jacobian @ velocity
-        allowed = TOLERANCE * np.linalg.norm(jacobian, axis=1) * np.linalg.norm(velocity)
-        wrong = np.abs(rate) > allowed
-        if wrong.any():
-            row = int(np.argmax(np.abs(rate) - allowed))
-            raise InputError(
-                f"momentum: bilateral constraint {row} ({self.bilateral.labels()[row]}) would change at the rate "
-                f"{rate[row]:.6g}; it must be 0 (within {allowed[row]:.1e}); remove the part of the momentum along "
-                "the constraint's gradient"
-            )
 
 
 def _flat(name: str, value: ArrayLike, dimension: int) -> Array:

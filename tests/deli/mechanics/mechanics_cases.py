@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from deli.mechanics.constraints import Planes
-from deli.mechanics.distances import AnchoredRods, Rods, SpheresApart, SpheresInside
+from deli.mechanics.distances import AnchoredRods, Rods, SpheresApart, SpheresInside, SpheresOutside
 from deli.mechanics.family import Layout
 from deli.mechanics.pair_potentials import LennardJones, Springs
 from deli.mechanics.potentials import Gravity, RadialPowers
@@ -34,8 +34,12 @@ CONSTRAINTS: dict[str, Callable[[int], Any]] = {
     "some planes": lambda d: Planes(np.arange(1.0, 3.0 * d + 1.0).reshape(3, d), offsets=[1, 2, 3], bodies=[1, 1, 3]),
     "all apart": lambda d: SpheresApart(pairs=None, distance=0.4),
     "some apart": lambda d: SpheresApart(pairs=[(0, 1), (3, 2)], distance=[0.1, 0.2]),
+    "apart in a box": lambda d: SpheresApart(pairs=[(0, 3), (1, 2), (0, 1)], distance=[0.4, 0.5, 0.6], period=6.0),
+    "apart in a slab": lambda d: SpheresApart([(0, 3), (2, 1)], distance=0.4, period=[0.0] * (d - 1) + [6.0]),
     "inside": lambda d: SpheresInside(radius=9.0),
     "some inside": lambda d: SpheresInside(radius=[8.0, 9.0], centre=-np.arange(1.0, d + 1.0), bodies=[2, 0]),
+    "outside": lambda d: SpheresOutside(radius=0.5),
+    "some outside": lambda d: SpheresOutside(radius=[0.4, 0.6], centre=-np.arange(1.0, d + 1.0), bodies=[1, 2]),
     "rods": lambda d: Rods(pairs=[(0, 1), (1, 2)], length=[1.5, 0.7]),
     "pendulums": lambda d: AnchoredRods(
         pivots=-np.arange(1.0, BODIES * d + 1.0).reshape(BODIES, d), length=[1.0, 2.0, 3.0, 4.0]

@@ -11,7 +11,8 @@ from deli.errors import InputError
 from deli.mechanics import pairs
 from deli.mechanics.family import Layout
 from deli.mechanics.pair_potentials import LennardJones, Springs
-from deli.mechanics.potentials import Gravity, PotentialSum, RadialPowers
+from deli.mechanics.potential_sum import PotentialSum
+from deli.mechanics.potentials import Gravity, RadialPowers
 
 SETTINGS = settings(max_examples=15, deadline=None)
 
