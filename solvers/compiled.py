@@ -12,7 +12,7 @@ from solvers import registry
 from solvers.backends.base import Answer, Backend
 from solvers.declared import checks
 from solvers.errors import ParameterError, SolverError
-from solvers.residuals import Residuals
+from solvers.residuals import EXACT, Residuals
 from solvers.solution import Solution, Status
 
 NO_POINT = (Status.INFEASIBLE, Status.UNBOUNDED)
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     import cvxpy
 
     from solvers.canonical import Canonical
-    from solvers.polish import Polish
 
 
 def compile(
@@ -104,11 +103,9 @@ class CompiledProblem:
         self._canonical = canonical
         self._members = tuple(options)
         self._options = options
-        self._polish: Polish | None = None
         if polish:
             from solvers.polish import Polish  # scipy.optimize takes long to import, and listing needs no polish
-
-            self._polish = Polish(self.program)
+        self._polish = Polish(self.program) if polish else None
         self._solvers: list[Backend] = []
         self._attach(0)
 
@@ -167,12 +164,13 @@ class CompiledProblem:
         if claimed in NO_POINT:
             self._residuals.forget()
             return claimed, answer, False
-        worst = self._residuals.compute(answer.x, answer.y)
+        residuals = self._residuals
+        worst = residuals.compute(answer.x, answer.y)
         polished = False
-        if self._polish is not None and not math.isnan(worst):
+        if self._polish is not None and residuals.natural > EXACT:  # which nan is not
             better = self._polish.improve(answer.x, answer.y)
             if better is not None:
-                worst = self._residuals.compute(*better)
+                worst = residuals.compute(*better)
                 polished = True
                 answer = answer._replace(x=better[0], y=better[1])
         # Where the polish looked, an answer that it found exact needs no claim of the solver's.

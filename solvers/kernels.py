@@ -9,16 +9,19 @@ from numba import njit
 @njit(cache=True)
 def dense_residuals(
     P: np.ndarray, A: np.ndarray, q: np.ndarray, u: np.ndarray, equalities: int, x: np.ndarray, y: np.ndarray
-) -> tuple[float, float, float]:
-    """Primal, dual and complementarity residual (`solvers.residuals.Residuals`) with matrices stored dense."""
+) -> tuple[float, float, float, float]:
+    """Primal, dual, complementarity, natural residual (`solvers.residuals.Residuals`) with matrices stored dense."""
     n, rows = q.size, u.size
-    Px, Ax, Aty = np.zeros(n), np.zeros(rows), np.zeros(n)
+    Px, Ax, Aty = np.zeros(n), np.empty(rows), np.zeros(n)
     for i in range(n):
         for j in range(n):
-            Px[i] += P[i, j] * x[j]
+            Px[j] += P[i, j] * x[i]  # P is symmetric, and adding rows of it needs no reduction
     for i in range(rows):
+        reached = 0.0
         for j in range(n):
-            Ax[i] += A[i, j] * x[j]
+            reached += A[i, j] * x[j]
+        Ax[i] = reached
+        for j in range(n):
             Aty[j] += A[i, j] * y[i]
     return _scaled(Px, Ax, Aty, q, u, equalities, x, y)
 
@@ -36,7 +39,7 @@ def sparse_residuals(
     equalities: int,
     x: np.ndarray,
     y: np.ndarray,
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float]:
     """The same with matrices stored by compressed columns."""
     n, rows = q.size, u.size
     Px, Ax, Aty = np.zeros(n), np.zeros(rows), np.zeros(n)
@@ -59,7 +62,7 @@ def _scaled(
     equalities: int,
     x: np.ndarray,
     y: np.ndarray,
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float]:
     unbalanced = force = curvature = slope = 0.0
     total = 0.0  # finite exactly if all terms are
     for j in range(q.size):
@@ -69,7 +72,7 @@ def _scaled(
         force = max(force, abs(Px[j]), abs(q[j]), abs(Aty[j]))
         curvature += x[j] * Px[j]
         slope += x[j] * q[j]
-    violated = reach = negative = largest = product = 0.0
+    violated = reach = negative = largest = product = apart = 0.0
     for i in range(u.size):
         excess = Ax[i] - u[i]
         total += abs(excess) + abs(y[i])
@@ -77,11 +80,15 @@ def _scaled(
         largest = max(largest, abs(y[i]))
         if i < equalities:
             violated = max(violated, abs(excess))
+            apart = max(apart, abs(excess))
         else:
             violated = max(violated, excess)
             negative = max(negative, -y[i])
             product = max(product, abs(y[i] * excess))
+            apart = max(apart, abs(min(y[i], -excess)))
     if not math.isfinite(total + product):
-        return math.nan, math.nan, math.nan
-    dual = max(unbalanced / (1.0 + force), negative / (1.0 + largest))
-    return violated / (1.0 + reach), dual, product / (1.0 + max(abs(curvature), abs(slope)))
+        return math.nan, math.nan, math.nan, math.nan
+    stationarity = unbalanced / (1.0 + force)
+    dual = max(stationarity, negative / (1.0 + largest))
+    complementarity = product / (1.0 + max(abs(curvature), abs(slope)))
+    return violated / (1.0 + reach), dual, complementarity, max(stationarity, apart / (1.0 + reach))

@@ -8,9 +8,9 @@ from scipy.linalg.blas import dtrsm
 from scipy.optimize import nnls
 
 from solvers.program import QuadraticProgram
+from solvers.residuals import Residuals
 
 ROUNDS = 10  # corrections of the guess; a solver's answer needs one or two
-EXACT = 2e-15  # natural residual that rounding alone explains: there is nothing to improve
 ROUNDOFF = 1e-13  # relative size below which a multiplier or slack of the wrong sign is taken for zero
 
 
@@ -25,12 +25,9 @@ class Polish:
     are found through a singular value decomposition, since the rows may be dependent. Where a multiplier of
     least norm is negative, nonnegative least squares looks for a nonnegative representation of the same force.
     Rows that are violated then enter W and the row with the most negative multiplier leaves it, and so on for a
-    few rounds. A result is accepted only if it lowers the natural residual
-
-    .. math:: \max(|P x + q + A^T y|, \; |A_e x - u_e|, \; |\min(y_i, u_i - A_i x)|),
-
-    each term scaled as in `solvers.residuals`. Unlike the products of multiplier and slack it sees the error of
-    the square root of the tolerance that interior-point methods leave where both vanish.
+    few rounds. A result is accepted only if it lowers the natural residual, `solvers.residuals`. Unlike the
+    products of multiplier and slack that one sees the error of the square root of the tolerance that
+    interior-point methods leave where both vanish.
 
     The linear algebra is dense: its time grows with the cube of variables and active rows.
     """
@@ -43,8 +40,6 @@ class Polish:
         program = self.program
         system = _System(program)
         best, lowest = None, system.natural_residual(x, y)
-        if lowest <= EXACT:
-            return None
         equal = np.arange(program.rows) < program.equalities
         active = equal | (y > program.upper - system.A @ x)
         tried = set()
@@ -74,6 +69,7 @@ class _System:
 
     def __init__(self, program: QuadraticProgram) -> None:
         self.equalities = program.equalities
+        self.residuals = Residuals(program)
         self.q, self.u = program.linear, program.upper
         self.P, self.A = program.quadratic.to_dense(), program.matrix.to_dense()
 
@@ -88,13 +84,8 @@ class _System:
         return None if diagonal.min() < 1e-7 * diagonal.max() else factor
 
     def natural_residual(self, x: np.ndarray, y: np.ndarray) -> float:
-        e = self.equalities
-        px, ax, aty = self.P @ x, self.A @ x, self.A.T @ y
-        dual = np.abs(px + self.q + aty).max() / (1.0 + max(np.abs(t).max() for t in (px, self.q, aty)))
-        slack = self.u - ax
-        natural = np.concatenate((slack[:e], np.minimum(y[e:], slack[e:])))
-        size = 1.0 + max(np.abs(t).max(initial=0.0) for t in (ax, self.u))
-        return float(max(dual, np.abs(natural).max(initial=0.0) / size))
+        self.residuals.compute(x, y)
+        return self.residuals.natural
 
     def solve(self, active: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Solve the equality-constrained program; the point nearest to `near` if there are several."""

@@ -7,6 +7,8 @@ import numpy as np
 
 from solvers.program import QuadraticProgram
 
+EXACT = 2e-15  # natural residual that rounding alone explains: there is nothing to improve
+
 
 class Residuals:
     r"""Scaled KKT residuals of an answer (x, y) to a quadratic program.
@@ -18,9 +20,12 @@ class Residuals:
         \text{primal} &= \frac{\max(|A_e x - u_e|, (A_i x - u_i)_+)}{1 + \max(|Ax|, |u|)} \\
         \text{dual} &= \max\Bigl(\frac{|Px + q + A^T y|}{1 + \max(|Px|, |q|, |A^T y|)},
                        \frac{(-y_i)_+}{1 + |y|}\Bigr) \\
-        \text{complementarity} &= \frac{\max_i |y_i (u_i - A_i x)|}{1 + \max(|x^T P x|, |q^T x|)}
+        \text{complementarity} &= \frac{\max_i |y_i (u_i - A_i x)|}{1 + \max(|x^T P x|, |q^T x|)} \\
+        \text{natural} &= \max\Bigl(\frac{|Px + q + A^T y|}{1 + \max(|Px|, |q|, |A^T y|)},
+                          \frac{\max(|A_e x - u_e|, |\min(y_i, u_i - A_i x)|)}{1 + \max(|Ax|, |u|)}\Bigr)
 
-    where e runs over equality and i over inequality rows. If anything in them is nan or infinite, all three are nan.
+    where e runs over equality and i over inequality rows. If anything in them is nan or infinite, all are nan. The
+    first three judge an answer; the natural residual tells how far it can be improved, `solvers.polish`.
 
     Parameters
     ----------
@@ -28,32 +33,30 @@ class Residuals:
         Read anew at every call.
     """
 
-    __slots__ = ("_kernel", "_matrices", "complementarity", "dual", "primal", "program")
+    __slots__ = ("_kernel", "_numbers", "complementarity", "dual", "natural", "primal")
 
     def __init__(self, program: QuadraticProgram) -> None:
         from solvers import kernels  # numba takes half a second to import, and is not needed to list backends
 
-        self.program = program
-        self._kernel: Callable[..., tuple[float, float, float]]
-        self._matrices: tuple[np.ndarray, ...]
+        self._kernel: Callable[..., tuple[float, float, float, float]]
+        matrices: tuple[np.ndarray, ...]
         quadratic, matrix = program.quadratic, program.matrix
         if quadratic.dense is not None and matrix.dense is not None:
             self._kernel = kernels.dense_residuals
-            self._matrices = (quadratic.dense, matrix.dense)
+            matrices = (quadratic.dense, matrix.dense)
         else:
             self._kernel = kernels.sparse_residuals
-            self._matrices = (*quadratic.columns(), *matrix.columns())
+            matrices = (*quadratic.columns(), *matrix.columns())
+        self._numbers = (*matrices, program.linear, program.upper, program.equalities)
         self.compute(np.zeros(program.variables), np.zeros(program.rows))  # compiled here rather than in a solve
         self.forget()
 
     def forget(self) -> None:
         """Set all residuals to nan: there is no point to measure."""
-        self.primal = self.dual = self.complementarity = math.nan
+        self.primal = self.dual = self.complementarity = self.natural = math.nan
 
     def compute(self, x: np.ndarray, y: np.ndarray) -> float:
-        """Set `primal`, `dual` and `complementarity`; return the largest, nan if anything is nan or infinite."""
-        program = self.program
-        self.primal, self.dual, self.complementarity = self._kernel(
-            *self._matrices, program.linear, program.upper, program.equalities, x, y
-        )
-        return max(self.primal, self.dual, self.complementarity)
+        """Set all residuals; return the largest of the three that judge, nan if anything is nan or infinite."""
+        primal, dual, complementarity, self.natural = self._kernel(*self._numbers, x, y)
+        self.primal, self.dual, self.complementarity = primal, dual, complementarity
+        return max(primal, dual, complementarity)
