@@ -15,6 +15,8 @@ from solvers.errors import ParameterError, SolverError
 from solvers.residuals import EXACT, Residuals
 from solvers.solution import Solution, Status
 
+# Looking a member up on its class takes far longer than a name, and a solve does it several times.
+SOLVED, INACCURATE = Status.SOLVED, Status.INACCURATE
 NO_POINT = (Status.INFEASIBLE, Status.UNBOUNDED)
 
 if TYPE_CHECKING:
@@ -154,7 +156,7 @@ class CompiledProblem:
             setup_time += ready - before
             solve_time += after - ready
             status, answer, polished = self._judge(answer)
-            if status is Status.SOLVED:
+            if status is SOLVED:
                 break
         return self._report(answer, status, polished, member, start, setup_time, solve_time)
 
@@ -174,13 +176,13 @@ class CompiledProblem:
                 polished = True
                 answer = answer._replace(x=better[0], y=better[1])
         # Where the polish looked, an answer that it found exact needs no claim of the solver's.
-        if claimed is Status.SOLVED or claimed is Status.INACCURATE or self._polish is not None:
+        if claimed is SOLVED or claimed is INACCURATE or self._polish is not None:
             if worst <= self.tolerance:
-                return Status.SOLVED, answer, polished
+                return SOLVED, answer, polished
             if math.isnan(worst):
                 return Status.FAILED, answer, polished
-            if claimed is Status.SOLVED:
-                return Status.INACCURATE, answer, polished
+            if claimed is SOLVED:
+                return INACCURATE, answer, polished
         return claimed, answer, polished
 
     def _report(
