@@ -23,6 +23,7 @@ BUILTIN: dict[str, tuple[str, str]] = {
     "clarabel": ("Clarabel", "clarabel"),
     "daqp": ("DAQP", "daqp"),
     "highs": ("HiGHS", "highspy"),
+    "native": ("Native", "numba"),
     "osqp": ("OSQP", "osqp"),
     "piqp": ("PIQP", "piqp"),
     "proxqp": ("ProxQP", "proxsuite"),

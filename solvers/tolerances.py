@@ -16,6 +16,7 @@ TOLERANCES: dict[str, dict[str, float]] = {
         "dual_feasibility_tolerance": 0.1,
         "qp_regularization_value": 0.01,
     },
+    "native": {"tolerance": 0.1},  # of contradictory rows; what is solved is solved to rounding
     "osqp": {"eps_abs": 0.1, "eps_rel": 0.1},
     "piqp": {"eps_abs": 0.1, "eps_rel": 0.1, "eps_duality_gap_abs": 0.1, "eps_duality_gap_rel": 0.1},
     "proxqp": {"eps_abs": 0.1, "eps_rel": 0.1, "eps_duality_gap_abs": 0.1, "eps_duality_gap_rel": 0.1},
@@ -35,6 +36,7 @@ LIMITS: dict[str, dict[str, Any]] = {
     "clarabel": {"max_iter": 200},
     "daqp": {"iter_limit": 10_000},
     "highs": {"qp_iteration_limit": 10_000, "simplex_iteration_limit": 10_000, "time_limit": 10.0},
+    "native": {"max_iterations": 10_000},
     "osqp": {"max_iter": 100_000},
     "piqp": {"max_iter": 250},
     "proxqp": {"max_iter": 1000, "max_iter_in": 1500},

@@ -1,0 +1,169 @@
+"""The project's own dual active-set method (`solvers.native`), for strictly convex programs."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from solvers import tolerances
+from solvers.backends.base import Answer, Backend, refuse_unknown
+from solvers.native import project_within
+from solvers.native_rows import INNER
+from solvers.program import Matrix, QuadraticProgram
+from solvers.solution import Status
+
+NOT_CONVEX = 5
+STATUS = {
+    0: (Status.SOLVED, "optimal"),
+    1: (Status.INFEASIBLE, "infeasible"),
+    2: (Status.ITERATION_LIMIT, "iteration limit"),
+    4: (Status.FAILED, "rows too close to dependent, or numbers too large, for double precision"),
+    NOT_CONVEX: (
+        Status.FAILED,
+        "the quadratic term is not positive definite: use daqp, piqp or clarabel, or give every variable curvature",
+    ),
+}
+SEMIDEFINITE = 1e-14  # pivot, relative to the diagonal, that is called zero
+
+
+class Native(Backend):
+    r"""Adapter of `solvers.native.project_within`.
+
+    With P = LL' the program is a projection in the coordinates z = L'x:
+
+    .. math::
+
+        \min \tfrac12 |z + L^{-1} q|^2 \quad \text{subject to} \quad S A L^{-T} z \le S u,
+
+    where S scales rows to unit length; the multipliers are S times those of the projection. Rows stay sparse
+    where P is diagonal.
+    """
+
+    name = "native"
+
+    def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None:
+        self.program = program
+        refuse_unknown(self.name, options, tolerances.LIMITS[self.name])
+        settings = {**tolerances.settings(self.name, tolerance), **options}
+        rows, columns, positions = _entries(program.quadratic)
+        diagonal = bool(np.array_equal(rows, columns))
+        quadratic = (rows, columns, positions, program.quadratic.values)
+        rows, columns, positions = _entries(program.matrix)
+        start = np.searchsorted(rows, np.arange(program.rows + 1)).astype(np.int64)
+        matrix = (start, columns, positions, program.matrix.values)
+        limits = (float(settings["tolerance"]), int(settings["max_iterations"]))
+        self._arguments = (
+            *quadratic, diagonal, *matrix, program.linear, program.upper, program.equalities, *limits,
+        )  # fmt: skip
+        _solve(*self._arguments, np.zeros(program.variables), np.zeros(program.rows))  # compiled here, not in a solve
+
+    def update(self) -> None:
+        """Do nothing: the numbers are read where they are stored."""
+
+    def solve(self) -> Answer:
+        """Solve from scratch."""
+        x, y = np.empty(self.program.variables), np.empty(self.program.rows)
+        code, iterations = _solve(*self._arguments, x, y)
+        claimed, message = STATUS[code]
+        return Answer(x, y, claimed, iterations, message)
+
+
+def _entries(matrix: Matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Row and column of every entry of the pattern, row by row, and its place among the stored values."""
+    columns = np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
+    places = np.arange(columns.size) if matrix.dense is None else matrix.indices * matrix.shape[1] + columns
+    order = np.lexsort((columns, matrix.indices))
+    return tuple(array[order].astype(np.int64) for array in (matrix.indices, columns, places))  # type: ignore[return-value]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _solve(
+    P_row: np.ndarray,
+    P_column: np.ndarray,
+    P_place: np.ndarray,
+    P_value: np.ndarray,
+    diagonal: bool,
+    A_start: np.ndarray,
+    A_column: np.ndarray,
+    A_place: np.ndarray,
+    A_value: np.ndarray,
+    q: np.ndarray,
+    u: np.ndarray,
+    equalities: int,
+    tolerance: float,
+    max_iterations: int,
+    x: np.ndarray,
+    y: np.ndarray,
+) -> tuple[int, int]:
+    m, n = u.size, q.size
+    L = np.zeros((1, n) if diagonal else (n, n))  # of a diagonal P the roots alone
+    for k in range(P_row.size):
+        if diagonal:
+            L[0, P_row[k]] = P_value[P_place[k]]
+        else:
+            L[P_row[k], P_column[k]] = P_value[P_place[k]]
+    for i in range(n):
+        x[i] = math.nan
+    for i in range(m):
+        y[i] = math.nan
+    for i in range(n):
+        own = 0 if diagonal else i
+        whole = L[own, i]
+        for j in range(0 if diagonal else i):
+            total = L[i, j]
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            L[i, j] = total / L[j, j]
+            L[i, i] -= L[i, j] * L[i, j]
+        if not L[own, i] > SEMIDEFINITE * whole:
+            return NOT_CONVEX, 0
+        L[own, i] = math.sqrt(L[own, i])
+    wish, z = np.empty(n), np.empty(n)
+    for i in range(n):
+        wish[i] = -q[i]
+    _forward(L, diagonal, wish, 0)
+    if diagonal:
+        start, column, value = A_start, A_column, np.empty(A_column.size)
+        for k in range(A_column.size):
+            value[k] = -A_value[A_place[k]] / L[0, A_column[k]]
+    else:
+        start, column, value = np.empty(m + 1, np.int64), np.empty(m * n, np.int64), np.zeros(m * n)
+        for i in range(m):
+            for k in range(A_start[i], A_start[i + 1]):
+                value[i * n + A_column[k]] = -A_value[A_place[k]]
+            _forward(L, diagonal, value, i * n)
+        for k in range(m * n):
+            column[k] = k % n
+        for i in range(m + 1):
+            start[i] = i * n
+    bounds, size = np.empty(m), np.empty(m)
+    for i in range(m):
+        total = 0.0
+        for k in range(start[i], start[i + 1]):
+            total += value[k] * value[k]
+        size[i] = math.sqrt(total) if total > 0.0 else 1.0
+        for k in range(start[i], start[i + 1]):
+            value[k] /= size[i]
+        bounds[i] = -u[i] / size[i]
+    status, iterations = project_within(
+        start, column, value, bounds, equalities, wish, tolerance, m, max_iterations, z, y
+    )
+    for i in range(m):
+        y[i] /= size[i]
+    for i in range(n - 1, -1, -1):
+        x[i] = z[i] / L[0 if diagonal else i, i]
+        for j in range(0 if diagonal else i):
+            z[j] -= L[i, j] * x[i]
+    return status, iterations
+
+
+@njit(**INNER)
+def _forward(L: np.ndarray, diagonal: bool, right: np.ndarray, at: int) -> None:
+    """Solve with L in place, from an offset on."""
+    for i in range(L.shape[1]):
+        total = right[at + i]
+        for j in range(0 if diagonal else i):
+            total -= L[i, j] * right[at + j]
+        right[at + i] = total / L[0 if diagonal else i, i]

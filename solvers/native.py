@@ -1,0 +1,229 @@
+"""Projection onto a polyhedron by a dual active-set method, compiled, for use inside other compiled code.
+
+    minimize    1/2 |z - wish|^2
+    subject to  R[:e] z = bounds[:e],   R[e:] z >= bounds[e:]
+
+R is stored by compressed rows: row i has the columns ``column[start[i]:start[i + 1]]``, distinct and in any
+order, and the values at the same places of ``value``. Rows may vanish, be repeated or depend on each other.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from solvers.native_factor import append, direction, refine, remove
+from solvers.native_rows import SMALL, length, most_violated, residuals, scale
+
+__all__ = ["project", "project_within", "residuals"]
+
+SOLVED, INFEASIBLE, ITERATION_LIMIT, TOO_LARGE, FAILED = range(5)
+
+ROUNDING = 16 * 2.0**-52  # violation of a row, relative to its terms, that rounding explains
+DEPENDENT = 1e-10  # part of a row outside the span of the working rows, relative to the terms that cancel
+PARALLEL = 1e-8  # the same, where a multiplier would carry a larger error than a gap below the tolerance is
+NOISE = 1e-13  # size of a coefficient, relative to the largest, that rounding explains
+PATIENCE = 20  # rows that may enter on violations near rounding before such violations are looked over
+
+FREE, WORKING, IGNORED = range(3)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def project(
+    start: np.ndarray,
+    column: np.ndarray,
+    value: np.ndarray,
+    bounds: np.ndarray,
+    equalities: int,
+    wish: np.ndarray,
+    tolerance: float,
+    limit: int,
+    z: np.ndarray,
+    y: np.ndarray,
+) -> tuple[int, int]:
+    """Project with as many changes of the working set as any sane problem takes (`project_within`)."""
+    most = 100 + 20 * (bounds.size + wish.size)
+    return project_within(start, column, value, bounds, equalities, wish, tolerance, limit, most, z, y)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def project_within(
+    start: np.ndarray,
+    column: np.ndarray,
+    value: np.ndarray,
+    bounds: np.ndarray,
+    equalities: int,
+    wish: np.ndarray,
+    tolerance: float,
+    limit: int,
+    max_iterations: int,
+    z: np.ndarray,
+    y: np.ndarray,
+) -> tuple[int, int]:
+    r"""Project a point onto a polyhedron.
+
+    The dual method of Goldfarb and Idnani (1983): with W the working rows, the most violated row r enters along
+
+    .. math:: d = r - R_W^T c, \qquad R_W R_W^T c = R_W r,
+
+    z moving by t d, the multipliers of W by -t c and that of r by t, until r holds or the multiplier of an
+    inequality in W vanishes, which then leaves. Where d = 0 either a row of W leaves or c proves that there is no
+    feasible point. Every row that enters increases the dual objective, so that no working set comes back; a
+    violation near rounding increases it by nothing, so that after many of them larger ones are looked over.
+
+    Parameters
+    ----------
+    start, column, value : ndarray, shapes (m + 1,), (k,), (k,)
+        R by compressed rows, with int64 indices.
+    bounds : ndarray, shape (m,)
+        Right-hand sides.
+    equalities : int
+        The first rows, which are equations.
+    wish : ndarray, shape (n,)
+        The point to project.
+    tolerance : float
+        Contradictions between dependent rows smaller than this, relative to their terms, are none.
+    limit : int
+        Largest working set.
+    max_iterations : int
+        Largest number of changes of the working set.
+    z, y : ndarray, shapes (n,), (m,)
+        Written: the point and the multipliers, with z - wish = R'y and y[e:] >= 0. Where multipliers are so large
+        that this loses digits, z is the one that keeps the working rows.
+
+    Returns
+    -------
+    status : int
+        0 solved, 1 infeasible, 2 too many changes, 3 working set larger than `limit`, 4 not finite.
+    iterations : int
+        Changes of the working set.
+    """
+    m, n = bounds.size, wish.size
+    room = min(m, n, max(limit, 0)) + 1
+    factor, working, state = np.empty(min(36, room * (room + 1) // 2)), np.empty(room, np.int64), np.zeros(m, np.int8)
+    norm, reach, d, c = np.empty(m), np.empty(n), np.empty(n), np.empty(room)
+    entry, work, more = np.empty(room), np.empty(room), np.empty(room)
+    for i in range(m):
+        y[i] = 0.0
+    size = 0.0
+    for j in range(n):
+        z[j] = wish[j]
+        size = max(size, abs(wish[j]))
+    for j in range(n):
+        reach[j] = max(abs(wish[j]), SMALL * size)
+    zero: Any = np.int64(0)  # a literal would have all that takes it compiled once more
+    w = iterations = entered = idle = zero
+    threshold = max(ROUNDING, 1e-6 * tolerance)
+    refined = True
+    while True:
+        if entered < equalities:
+            row = entered
+            entered += 1
+        else:
+            row, excess = most_violated(
+                start, column, value, bounds, equalities, z, reach, state, threshold, idle > PATIENCE
+            )
+            if row < 0:
+                if refined:
+                    break
+                before = w
+                w = refine(
+                    start,
+                    column,
+                    value,
+                    bounds,
+                    equalities,
+                    wish,
+                    factor,
+                    working,
+                    w,
+                    work,
+                    more,
+                    entry,
+                    d,
+                    state,
+                    reach,
+                    z,
+                    y,
+                )
+                iterations += before - w
+                refined = True
+                continue
+            if excess < 1e3:
+                idle += 1
+                if idle > PATIENCE:
+                    threshold = max(threshold, min(2.0 * threshold, tolerance))
+        refined = False
+        while True:
+            squared = direction(start, column, value, row, working, w, factor, d, c, entry, work)
+            norm[row] = math.sqrt(length(start, value, row))
+            gap = bounds[row]
+            for k in range(start[row], start[row + 1]):
+                gap -= value[k] * z[column[k]]
+            terms, largest = norm[row], norm[row]
+            for i in range(w):
+                part = abs(c[i]) * norm[working[i]]
+                terms += part
+                largest = max(largest, part)
+            if not math.isfinite(squared + gap + terms):
+                return FAILED, iterations
+            dependent = w >= n or squared <= (DEPENDENT * terms) ** 2
+            leaving, step = zero - 1, math.inf
+            for i in range(w):
+                k = working[i]
+                if k >= equalities and c[i] * norm[k] > NOISE * largest:
+                    ratio = y[k] / c[i]
+                    if ratio < step or (ratio == step and k < working[leaving]):
+                        leaving, step = i, ratio
+            if squared <= (PARALLEL * terms) ** 2 and (leaving < 0 or row < equalities):
+                size = scale(start, column, value, bounds, reach, row)
+                excess = abs(gap) if row < equalities else gap
+                if excess <= tolerance * size:
+                    state[row] = IGNORED
+                    y[row] = 0.0
+                    break
+                if dependent:
+                    for i in range(w):
+                        size += abs(c[i]) * scale(start, column, value, bounds, reach, working[i])
+                    return INFEASIBLE if excess > tolerance * size else FAILED, iterations
+            if iterations >= max_iterations:
+                return ITERATION_LIMIT, iterations
+            iterations += 1
+            enters = False
+            if not dependent:
+                whole = gap / squared if row < equalities else max(gap, 0.0) / squared
+                enters = row < equalities or whole <= step
+                if enters:
+                    step = whole
+                for j in range(n):
+                    z[j] += step * d[j]
+                    reach[j] = max(reach[j], abs(z[j]))
+            for i in range(w):
+                k = working[i]
+                y[k] -= step * c[i]
+                if k >= equalities:
+                    y[k] = max(y[k], 0.0)
+            y[row] += step
+            if enters:
+                if w >= limit:
+                    return TOO_LARGE, iterations
+                factor = append(factor, w, entry, math.sqrt(squared))
+                working[w] = row
+                state[row] = WORKING
+                w += 1
+                break
+            y[working[leaving]] = 0.0
+            w = remove(factor, working, w, leaving, work, more, entry, state)
+    for i in range(m):
+        if state[i] == IGNORED:
+            gap = bounds[i]
+            for k in range(start[i], start[i + 1]):
+                gap -= value[k] * z[column[k]]
+            excess = abs(gap) if i < equalities else gap
+            if excess > tolerance * scale(start, column, value, bounds, reach, i):
+                return FAILED, iterations
+    for j in range(n):
+        if not math.isfinite(z[j]):
+            return FAILED, iterations
+    return SOLVED, iterations

@@ -1,0 +1,113 @@
+"""What the rows of `solvers.native` say about a point."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+# Without wrappers for calls from Python, which take longer to compile than a loop does.
+INNER: dict[str, Any] = {
+    "cache": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True,
+}  # fmt: skip
+SMALL = 1e-3  # coordinates smaller than this, relative to the largest, may hold the rounding errors of others
+
+
+@njit(**INNER)
+def length(start: np.ndarray, value: np.ndarray, row: int) -> float:
+    """Squared length of a row."""
+    total = 0.0
+    for k in range(start[row], start[row + 1]):
+        total += value[k] * value[k]
+    return total
+
+
+@njit(**INNER)
+def scale(
+    start: np.ndarray, column: np.ndarray, value: np.ndarray, bounds: np.ndarray, reach: np.ndarray, row: int
+) -> float:
+    """Size of the terms of a row's slack; for a row of zeros that of the point."""
+    total = 0.0
+    for k in range(start[row], start[row + 1]):
+        total += abs(value[k]) * reach[column[k]]
+    if total == 0.0:
+        for j in range(reach.size):
+            total = max(total, reach[j])
+    return total + abs(bounds[row])
+
+
+@njit(**INNER)
+def most_violated(
+    start: np.ndarray,
+    column: np.ndarray,
+    value: np.ndarray,
+    bounds: np.ndarray,
+    equalities: int,
+    z: np.ndarray,
+    reach: np.ndarray,
+    state: np.ndarray,
+    threshold: float,
+    first: bool,
+) -> tuple[int, float]:
+    """Find the inequality farthest from holding, or the first one; and its violation over what is looked over."""
+    chosen: Any = np.int64(-1)  # a literal would have all that takes it compiled once more
+    excess = farthest = 0.0
+    for i in range(equalities, bounds.size):
+        gap = bounds[i]
+        for k in range(start[i], start[i + 1]):
+            gap -= value[k] * z[column[k]]
+        if gap > 0.0 and state[i] == 0:
+            allowed = threshold * scale(start, column, value, bounds, reach, i)
+            distance = gap / math.sqrt(length(start, value, i))
+            if gap > allowed and distance > farthest:
+                chosen, excess, farthest = i, gap / allowed, distance
+                if first:
+                    break
+    return chosen, excess
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def residuals(
+    start: np.ndarray,
+    column: np.ndarray,
+    value: np.ndarray,
+    bounds: np.ndarray,
+    equalities: int,
+    wish: np.ndarray,
+    z: np.ndarray,
+    y: np.ndarray,
+) -> tuple[float, float, float]:
+    """Primal, dual and complementarity residual of `solvers.residuals.Residuals`, nan if anything is not finite.
+
+    There the program is P = I, q = -wish, A = -R, u = -bounds.
+    """
+    pull = np.zeros(wish.size)
+    violated = reach = negative = largest = product = 0.0
+    total = 0.0  # finite exactly if all terms are
+    for i in range(bounds.size):
+        reached = 0.0
+        for k in range(start[i], start[i + 1]):
+            reached += value[k] * z[column[k]]
+            pull[column[k]] += value[k] * y[i]
+        gap = bounds[i] - reached
+        total += abs(gap) + abs(y[i])
+        reach = max(reach, abs(reached), abs(bounds[i]))
+        largest = max(largest, abs(y[i]))
+        if i < equalities:
+            violated = max(violated, abs(gap))
+        else:
+            violated = max(violated, gap)
+            negative = max(negative, -y[i])
+            product = max(product, abs(y[i] * gap))
+    unbalanced = force = curvature = slope = 0.0
+    for j in range(wish.size):
+        balance = z[j] - wish[j] - pull[j]
+        total += abs(balance)
+        unbalanced = max(unbalanced, abs(balance))
+        force = max(force, abs(z[j]), abs(wish[j]), abs(pull[j]))
+        curvature += z[j] * z[j]
+        slope += z[j] * wish[j]
+    if not math.isfinite(total + product):
+        return math.nan, math.nan, math.nan
+    dual = max(unbalanced / (1.0 + force), negative / (1.0 + largest))
+    return violated / (1.0 + reach), dual, product / (1.0 + max(curvature, abs(slope)))
