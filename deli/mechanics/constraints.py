@@ -51,6 +51,9 @@ class ConstraintFamily(Family):
 class SearchedFamily(ConstraintFamily):
     """A family that can find its rows by search, where ``searched`` says so."""
 
+    distance: ArrayLike
+    """Smallest distance that bodies keep."""
+
     @abc.abstractmethod
     def neighbours(self, q: Array, reach: float) -> Rows:
         """Return the rows whose value is at most ``reach`` at one configuration."""

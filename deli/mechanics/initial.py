@@ -58,7 +58,7 @@ def check_position(side: str, stack: ConstraintStack, q: Array, distance: float)
 def check_momentum(stack: ConstraintStack, q: Array, v: Array, tolerance: float) -> None:
     """Refuse a velocity at which a bilateral constraint changes, relative to its gradient and to |v|."""
     rate, norm = _rates(stack, q, v)
-    allowed = tolerance * norm * np.linalg.norm(v)
+    allowed = tolerance * norm * np.hypot.reduce(v)  # the norm of tiny velocities, which squared would be zero
     if (np.abs(rate) > allowed).any():
         row = int(np.argmax(np.abs(rate) - allowed))
         raise InputError(

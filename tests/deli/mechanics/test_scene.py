@@ -103,6 +103,13 @@ def test_only_momentum_along_a_rod_is_refused(momentum, size):
             make(momentum=size * momentum)
 
 
+@pytest.mark.parametrize("size", [1e-200, 1e200])
+def test_momenta_whose_squares_are_out_of_range_are_judged_too(size):
+    make(momentum=size * np.array([[1.0, 1.0], [1.0 + 1e-12, -2.0]]))
+    with pytest.raises(InputError, match="momentum: bilateral constraint 0"):
+        make(momentum=size * np.array([[1.0, 1.0], [1.1, -2.0]]))
+
+
 @settings(max_examples=50, deadline=None)
 @given(height=st.floats(-1e-3, 1e-3))
 def test_a_start_below_the_floor_by_more_than_rounding_is_refused(height):
