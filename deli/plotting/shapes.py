@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from deli.mechanics.constraints import ConstraintFamily, Planes
-from deli.mechanics.distances import AnchoredRods, Rods, SpheresApart, SpheresInside
+from deli.mechanics.distances import AnchoredRods, Rods, SpheresApart, SpheresInside, SpheresOutside
 from deli.mechanics.pair_potentials import Springs
 from deli.mechanics.scene import Scene
 
@@ -17,7 +17,9 @@ def radii(scene: Scene) -> np.ndarray:
     """Return the radius of each body, half the smallest distance it keeps from another; 0 where there is none."""
     found = np.full(scene.bodies, np.inf)
     for family in _families(scene):
-        if isinstance(family, SpheresApart):
+        if isinstance(family, SpheresApart) and family.pairs is None and np.size(family.distance) == 1:
+            found = np.minimum(found, np.asarray(family.distance, dtype=float).item() / 2.0)
+        elif isinstance(family, SpheresApart):
             pairs = _pairs(family, scene)
             for (first, second), distance in zip(pairs, _spread(family.distance, len(pairs)), strict=True):
                 found[[first, second]] = np.minimum(found[[first, second]], distance / 2.0)
@@ -25,15 +27,16 @@ def radii(scene: Scene) -> np.ndarray:
 
 
 def containers(scene: Scene) -> Iterator[tuple[Point, float]]:
-    """Yield centre and radius of each sphere that keeps bodies inside, its wall where the bodies' surfaces end."""
+    """Yield centre and radius of each sphere that keeps bodies in or out, its wall where the bodies' surfaces end."""
     seen = set()
     size = radii(scene)
     for family in _families(scene):
-        if isinstance(family, SpheresInside):
+        if isinstance(family, SpheresInside | SpheresOutside):
+            outward = 1.0 if isinstance(family, SpheresInside) else -1.0
             bodies = _bodies(family, scene)
             centres = np.broadcast_to(np.asarray(family.centre, dtype=float), (len(bodies), scene.dimension))
             for body, centre, radius in zip(bodies, centres, _spread(family.radius, len(bodies)), strict=True):
-                wall = (*centre, round(float(radius + size[body]), 12))
+                wall = (*centre, round(float(radius + outward * size[body]), 12))
                 if wall not in seen:
                     seen.add(wall)
                     yield centre, wall[-1]
@@ -92,7 +95,7 @@ def _pairs(family: SpheresApart | Rods | Springs, scene: Scene) -> list[tuple[in
     return [(int(i), int(j)) for i, j in np.asarray(family.pairs)]
 
 
-def _bodies(family: SpheresInside | AnchoredRods, scene: Scene) -> np.ndarray:
+def _bodies(family: SpheresInside | SpheresOutside | AnchoredRods, scene: Scene) -> np.ndarray:
     return np.arange(scene.bodies) if family.bodies is None else np.asarray(family.bodies)
 
 
