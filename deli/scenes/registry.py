@@ -1,4 +1,4 @@
-"""Scenes by name: what each function builds, the parameters it was called with, and how the paper runs it."""
+"""Scenes by name: what each function builds, the parameters it was called with, and how it is run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _DEFAULTS: dict[str, dict[str, Any]] = {}
 def scene(
     *, step_size: float, duration: float, scheme: str
 ) -> Callable[[Callable[Parameters, Scene]], Callable[Parameters, Scene]]:
-    """Register the decorated function as a scene of its own name, with the paper's way of running it.
+    """Register the decorated function as a scene of its own name, with a way of running it: the paper's, if it has one.
 
     The scene it returns carries that name and all keyword values, defaults included, in plain Python types; a
     parameter left at None is not recorded. Calling the function with these values makes the same scene again.
@@ -62,7 +62,7 @@ def get(name: str) -> Callable[..., Scene]:
 
 
 def defaults(name: str) -> dict[str, Any]:
-    """Return the step_size, duration and scheme with which the paper runs the scene called ``name``."""
+    """Return the step_size, duration and scheme with which the scene called ``name`` is run unless told otherwise."""
     return dict(_DEFAULTS[_known(name)])
 
 
