@@ -101,11 +101,12 @@ def project_within(
     """
     m, n = bounds.size, wish.size
     room = min(m, n, max(limit, 0)) + 1
-    factor, working, state = np.empty(min(36, room * (room + 1) // 2)), np.empty(room, np.int64), np.zeros(m, np.int8)
+    factor, working, state = np.empty(min(36, room * (room + 1) // 2)), np.empty(room, np.int64), np.empty(m, np.int64)
     norm, reach, d, c = np.empty(m), np.empty(n), np.empty(n), np.empty(room)
     entry, work, more = np.empty(room), np.empty(room), np.empty(room)
     for i in range(m):
         y[i] = 0.0
+        state[i] = FREE
     size = 0.0
     for j in range(n):
         z[j] = wish[j]

@@ -8,7 +8,8 @@ from numba import njit
 
 from solvers.native_rows import INNER, SMALL
 
-ROUNDS = 3  # corrections at the end: the last one changes nothing but digits lost to nearly parallel rows
+EPSILON = 2.0**-52
+ROUNDS = 3  # corrections at the end; only nearly parallel rows take the third
 
 
 @njit(**INNER)
@@ -68,7 +69,7 @@ def direction(
     """Split a row into R_W'c + d with R_W d = 0; write also its entries in L, and return |d|^2.
 
     The factor of a Gram matrix has lost half the digits. As in a Gram-Schmidt step done twice, what R_W d still
-    holds is removed again, so that |d| is as exact as if it came from an orthogonal factorization.
+    holds is removed again, so that |d| is as exact as from an orthogonal factorization.
     """
     for j in range(d.size):
         d[j] = 0.0
@@ -171,7 +172,8 @@ def refine(
     residuals of both equations are removed, so that neither pays for the digits that the other has lost.
     """
     while True:
-        for _ in range(ROUNDS):
+        for again in range(ROUNDS):
+            change = largest = 0.0
             for j in range(wish.size):
                 g[j] = wish[j] - z[j]
                 reach[j] = 0.0
@@ -187,11 +189,14 @@ def refine(
             forward(factor, w, right)
             backward(factor, w, right)
             for i in range(w):
+                change, largest = max(change, abs(right[i])), max(largest, abs(y[working[i]]))
                 y[working[i]] += right[i]
                 for k in range(start[working[i]], start[working[i] + 1]):
                     g[column[k]] += value[k] * right[i]
             for j in range(wish.size):
                 z[j] += g[j]
+            if again > 0 and change <= EPSILON * largest:
+                break
         at: Any = np.int64(-1)
         for i in range(w):
             if working[i] >= equalities and y[working[i]] < (0.0 if at < 0 else y[working[at]]):

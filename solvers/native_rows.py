@@ -53,13 +53,17 @@ def most_violated(
     chosen: Any = np.int64(-1)  # a literal would have all that takes it compiled once more
     excess = farthest = 0.0
     for i in range(equalities, bounds.size):
+        if state[i] != 0:
+            continue
         gap = bounds[i]
         for k in range(start[i], start[i + 1]):
             gap -= value[k] * z[column[k]]
-        if gap > 0.0 and state[i] == 0:
-            allowed = threshold * scale(start, column, value, bounds, reach, i)
+        if gap > 0.0:
             distance = gap / math.sqrt(length(start, value, i))
-            if gap > allowed and distance > farthest:
+            if distance <= farthest:
+                continue
+            allowed = threshold * scale(start, column, value, bounds, reach, i)
+            if gap > allowed:
                 chosen, excess, farthest = i, gap / allowed, distance
                 if first:
                     break
@@ -81,7 +85,9 @@ def residuals(
 
     There the program is P = I, q = -wish, A = -R, u = -bounds.
     """
-    pull = np.zeros(wish.size)
+    pull = np.empty(wish.size)
+    for j in range(wish.size):
+        pull[j] = 0.0
     violated = reach = negative = largest = product = 0.0
     total = 0.0  # finite exactly if all terms are
     for i in range(bounds.size):

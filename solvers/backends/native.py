@@ -124,20 +124,28 @@ def _solve(
     for i in range(n):
         wish[i] = -q[i]
     _forward(L, diagonal, wish, 0)
+    start = np.empty(m + 1, np.int64)
+    start[0] = 0
     if diagonal:
-        start, column, value = A_start, A_column, np.empty(A_column.size)
-        for k in range(A_column.size):
-            value[k] = -A_value[A_place[k]] / L[0, A_column[k]]
+        filled, column, value = 0, np.empty(A_column.size, np.int64), np.empty(A_column.size)
+        for i in range(m):
+            for k in range(A_start[i], A_start[i + 1]):
+                entry = A_value[A_place[k]]
+                if entry != 0.0:  # most of what a pattern allows is zero where contacts are local
+                    column[filled] = A_column[k]
+                    value[filled] = -entry / L[0, A_column[k]]
+                    filled += 1
+            start[i + 1] = filled
     else:
-        start, column, value = np.empty(m + 1, np.int64), np.empty(m * n, np.int64), np.zeros(m * n)
+        column, value = np.empty(m * n, np.int64), np.zeros(m * n)
         for i in range(m):
             for k in range(A_start[i], A_start[i + 1]):
                 value[i * n + A_column[k]] = -A_value[A_place[k]]
             _forward(L, diagonal, value, i * n)
         for k in range(m * n):
             column[k] = k % n
-        for i in range(m + 1):
-            start[i] = i * n
+        for i in range(m):
+            start[i + 1] = (i + 1) * n
     bounds, size = np.empty(m), np.empty(m)
     for i in range(m):
         total = 0.0
