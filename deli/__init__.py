@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from deli.integrators.discrete_smooth import DiscreteSmooth
     from deli.integrators.gvi import GVI
     from deli.mechanics.constraints import Planes
-    from deli.mechanics.distances import AnchoredRods, Rods, SpheresApart, SpheresInside
+    from deli.mechanics.distances import AnchoredRods, Rods, SpheresApart, SpheresInside, SpheresOutside
     from deli.mechanics.functions import Constraints, Potential
     from deli.mechanics.pair_potentials import LennardJones, Springs
     from deli.mechanics.potentials import Gravity, RadialPowers
@@ -40,6 +40,7 @@ __all__ = [
     "Scene",
     "SpheresApart",
     "SpheresInside",
+    "SpheresOutside",
     "Springs",
     "StepError",
     "open_run",
@@ -65,6 +66,7 @@ _HOME = {
     "Scene": "deli.mechanics.scene",
     "SpheresApart": "deli.mechanics.distances",
     "SpheresInside": "deli.mechanics.distances",
+    "SpheresOutside": "deli.mechanics.distances",
     "Springs": "deli.mechanics.pair_potentials",
     "open_run": "deli.simulation",
     "reflect": "deli.reflect",

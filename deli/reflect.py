@@ -1,17 +1,11 @@
 """One reflection, without a step around it."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from deli.errors import InputError
-from deli.integrators.contacts import Contacts
-from deli.mechanics.energies import reflection_metric
+from deli.integrators.gvi import GVI
 from deli.mechanics.scene import Scene
-from deli.mechanics.schemes import get_scheme
-from deli.subproblems.choices import parse_choices
-from deli.subproblems.reflection import ENERGIES, Reflection
-from deli.subproblems.stats import StepStats
+from deli.subproblems.reflection import ENERGIES
 
 
 def reflect(
@@ -66,22 +60,9 @@ def reflect(
                 f"reflect: {name} has {array.size} entries ({int(np.isfinite(array).sum())} finite); "
                 f"the scene has {scene.dof} degrees of freedom and needs that many finite numbers."
             )
-    metric: Callable[[np.ndarray], np.ndarray] | None = None
-    if energy == "numerical":
-        if step_size is None:
-            raise InputError("reflect: energy='numerical' needs a step_size, since that Hamiltonian depends on it.")
-        h, slots = step_size, get_scheme(scheme)
-
-        def metric(at: np.ndarray) -> np.ndarray:
-            return reflection_metric(scene, slots, at, h)
-
-    contacts = Contacts(scene, contact_tolerance)
-    reflection = Reflection(scene.mass, operator, metric, parse_choices(solvers)["reflection"], StepStats(), skip)
-    q, p = state
-    gradients = contacts.gradients(q)[contacts.touching(q)]
-    if not len(gradients):
-        return p
-    reflected, _ = reflection.apply(
-        q, p, gradients, contacts.bilateral(q), contacts.velocity_zero(gradients, p, np.zeros_like(p))
+    if energy == "numerical" and step_size is None:
+        raise InputError("reflect: energy='numerical' needs a step_size, since that Hamiltonian depends on it.")
+    stepper = GVI(scheme=scheme, reflection=operator, energy=energy).stepper(
+        scene, 1.0 if step_size is None else step_size, solvers, skip, contact_tolerance
     )
-    return reflected
+    return stepper.reflect(*state)

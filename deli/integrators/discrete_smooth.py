@@ -1,13 +1,14 @@
 """The Discrete-Smooth Integrator (5.6-5.9)."""
 
 from dataclasses import dataclass
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from deli.errors import InputError
-from deli.integrators.stepper import Stepper
-from deli.mechanics.scene import Scene
-from deli.mechanics.schemes import SCHEMES, get_scheme
+from deli.mechanics.schemes import SCHEMES
+
+if TYPE_CHECKING:
+    from deli.integrators.stepper import Stepper
+    from deli.mechanics.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -38,23 +39,13 @@ class DiscreteSmooth:
 
     def stepper(
         self,
-        scene: Scene,
+        scene: "Scene",
         step_size: float,
         solvers: object = "auto",
         skip: bool = True,
         contact_tolerance: float = 1e-8,
-    ) -> "DiscreteSmoothStepper":
+    ) -> "Stepper":
         """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
-        return DiscreteSmoothStepper(scene, get_scheme(self.scheme), step_size, solvers, skip, contact_tolerance)
+        from deli.integrators.stepper import Stepper  # numba takes half a second to import
 
-
-class DiscreteSmoothStepper(Stepper):
-    """Steps of a `DiscreteSmooth`."""
-
-    def _step(self, position: np.ndarray, momentum: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        contacts = self._contacts
-        smooth = np.flatnonzero(contacts.touching(position))
-        self.stats.smooth_contacts = len(smooth)
-        prediction = self._position.predict(position, momentum)
-        update = self._move(position, momentum, smooth, prediction, free=True)
-        return update.position, self._project(position, update, smooth)
+        return Stepper(scene, self.scheme, step_size, solvers, skip, contact_tolerance)

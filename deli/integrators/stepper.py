@@ -1,29 +1,38 @@
-"""What every integrator's step needs: the scene's subproblems, bound to one step size and one choice of solvers."""
+"""A method bound to a scene: it steps, by itself or many steps at once, and knows what that cost."""
 
-from abc import ABC, abstractmethod
+from typing import Any, NoReturn
 
 import numpy as np
 
 from deli.errors import InputError, StepError
-from deli.integrators.contacts import Contacts
+from deli.integrators.binding import bind_method, bind_system, mail_arrays, search, work_arrays
+from deli.integrators.bridge import Bridge
+from deli.kernels import system as codes
+from deli.kernels.advance import advance, has_strayed, make_block, record_state
+from deli.kernels.record import Record
+from deli.kernels.step import reflect_touching, step
+from deli.kernels.system import MACHINE, Islands, Machine, Program
+from deli.mechanics.energies import reflection_metric
 from deli.mechanics.scene import Scene
-from deli.mechanics.schemes import Scheme
+from deli.mechanics.schemes import get_scheme
+from deli.subproblems import position, projection, reflection
 from deli.subproblems.choices import parse_choices
-from deli.subproblems.forces import Forces
-from deli.subproblems.position import POSITION, Position, Update
-from deli.subproblems.projection import Projection
+from deli.subproblems.program import ProgramSolver
+from deli.subproblems.reflection import OPERATORS
 from deli.subproblems.stats import StepStats
 
+_SEARCHES = 16  # times that neighbours are searched, ever farther, before a step is given up
 
-class Stepper(ABC):
-    """Advances one scene by one step at a time.
+
+class Stepper:
+    """Advances one scene by a method.
 
     A step is a function of (q, p) alone: nothing is warm-started, so a run can be continued from any recorded state.
 
     Parameters
     ----------
     scene : Scene
-    scheme : Scheme
+    scheme : str
     step_size : float
         h > 0.
     solvers : str or mapping
@@ -31,7 +40,11 @@ class Stepper(ABC):
     skip : bool
         Answer without a solver what needs none; the trajectory is the same to solver tolerance.
     contact_tolerance : float
-        τ of `deli.integrators.contacts.Contacts`.
+        τ: "g = 0" means ``|g_i| ≤ τ L |∇g_i(q₀)|`` with L the scene's length; "∇gᵀv = 0" means
+        ``|∇g_iᵀv| ≤ τ ‖∇g_i‖ (‖p‖ + ‖impulse of the forces in one step‖)``, norms in the metric M⁻¹ over the bodies
+        that the constraint touches. Both are unchanged by units and by how a constraint is scaled.
+    **method
+        What kind of step it is: see `deli.integrators.binding.bind_method`.
 
     Attributes
     ----------
@@ -42,37 +55,44 @@ class Stepper(ABC):
     def __init__(
         self,
         scene: Scene,
-        scheme: Scheme,
+        scheme: str,
         step_size: float,
         solvers: object = "auto",
         skip: bool = True,
         contact_tolerance: float = 1e-8,
+        **method: Any,
     ) -> None:
         if isinstance(step_size, bool) or not isinstance(step_size, (int, float)) or not 0 < step_size < np.inf:
             raise InputError(f"step_size is {step_size!r}; allowed: a finite number > 0.")
+        slots = get_scheme(scheme)
         self.scene = scene
         self.step_size = float(step_size)
         self.choices = parse_choices(solvers)
         self.skip = skip
         self.stats = StepStats()
-        self._mass = scene.mass
-        self._contacts = Contacts(scene, contact_tolerance)
-        self._forces = Forces(scene, scheme, self.step_size)
-        self._position = Position(
-            scene,
-            self._forces,
-            self._contacts.gap_scale,
-            self._contacts.bilateral_scale,
-            self.choices["position"],
-            self.stats,
-            skip,
+        self._scheme = slots
+        self._method = bind_method(slots, self.step_size, self.choices, skip, contact_tolerance, **method)
+        self._system = bind_system(scene, slots)
+        self._tries = 0
+        self._mail = mail_arrays(self._system)
+        self._work, islands, program = work_arrays(self._system)
+        models = (
+            (reflection.model, reflection.numerical_model),
+            (position.model, position.newton_model),
+            (projection.model, projection.model),
         )
-        self._projection = Projection(scene.mass, self.choices["projection"], self.stats, skip)
+        self._solvers = [
+            ProgramSolver(number, *pair, program, choice, self.stats, measured=number != codes.POSITION)
+            for number, (pair, choice) in enumerate(zip(models, self.choices.values(), strict=True))
+        ]
+        self._bridge = Bridge(scene, self._mail, self._solvers)
+        self._machine = self._bind(islands, program)
 
     @property
     def backends(self) -> set[str]:
         """Names of the backends that have solved something so far."""
-        return self._position.program.backends | self._projection.program.backends
+        names = set().union(*(solver.backends for solver in self._solvers))
+        return names | {"native"} if self.stats.native_solves else names
 
     def step(self, position: np.ndarray, momentum: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (q, p) one step later, both (dof,) arrays that are not to be written to.
@@ -82,48 +102,136 @@ class Stepper(ABC):
         StepError
             If a subproblem could not be solved, or the state is no longer finite.
         """
-        # Values are remembered by the identity of arrays, so an array that somebody may write to is copied.
-        position, momentum = _own(position), _own(momentum)
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            moved, carried = self._step(position, momentum)
-        if not (np.isfinite(moved).all() and np.isfinite(carried).all()):
-            raise StepError("the state is no longer finite; use a smaller step_size.")
+        self.place(position, momentum)
+        code = step.call(self._machine.address, False)
+        while code == codes.REFRESH:
+            self._widen()
+            code = step.call(self._machine.address, False)
+        if code != codes.DONE:
+            self._raise(code)
+        moved, carried = self._work.moved.copy(), self._work.carried.copy()
         moved.flags.writeable = False
         carried.flags.writeable = False
         return moved, carried
 
-    @abstractmethod
-    def _step(self, position: np.ndarray, momentum: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (q, p) one step later."""
+    def reflect(self, position: np.ndarray, momentum: np.ndarray) -> np.ndarray:
+        """Return the momentum reflected off all contacts that touch.
 
-    def _move(self, position: np.ndarray, momentum: np.ndarray, rows: np.ndarray, guess: Update, free: bool) -> Update:
-        """Position update (7.3, 7.4, 7.8) with the constraints `rows` pressing.
-
-        `guess` is a prediction, and `free` says that it was made with this very momentum: without constraints it is
-        the answer.
+        Raises
+        ------
+        StepError
+            If the reflection does not end or a solver fails.
         """
-        contacts = self._contacts
-        bilateral = contacts.bilateral(position)
-        if self.skip and free and not len(rows) and not len(bilateral):
-            self.stats.skip(POSITION)
-            return guess
-        gradients = contacts.gradients(position)[rows] if len(rows) else contacts.no_rows
-        return self._position.solve(position, momentum, rows, gradients, bilateral, guess)
+        self.place(position, momentum)
+        code = reflect_touching.call(self._machine.address)
+        if code != codes.DONE:
+            self._raise(code)
+        return self._work.momentum.copy()
 
-    def _project(self, position: np.ndarray, update: Update, smooth: np.ndarray) -> np.ndarray:
-        """Momentum update (7.5, 7.6, 7.9): D₂L_d(q, x), projected off what stays active at x."""
-        contacts, moved = self._contacts, update.position
-        momentum = self._mass * update.velocity + self._forces.second(position, moved, update.force)
-        active = smooth
-        if len(smooth):
-            opened = smooth[update.pressed[: len(smooth)] < update.gaps[: len(smooth)]]
-            active = np.setdiff1d(smooth[contacts.touching(moved)[smooth]], opened)
-        gradients = contacts.gradients(moved)[active] if len(active) else contacts.no_rows
-        return self._projection.solve(momentum, gradients, contacts.bilateral(moved))
+    @property
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """(q, p) of the last step of `advance`; arrays that later steps write to."""
+        return self._work.q, self._work.p
 
+    def place(self, position: np.ndarray, momentum: np.ndarray) -> None:
+        """Put the scene in a state, from which `advance` goes on."""
+        self._work.q[:] = position
+        self._work.p[:] = momentum
+        self._tries = 0
+        if self.scene.unilateral.searched:
+            known = self._system.reference.size and not has_strayed.call(self._machine.address)
+            if not known:
+                self._search(1.0)
 
-def _own(array: np.ndarray) -> np.ndarray:
-    if array.flags.writeable or array.base is not None:
-        array = np.array(array, dtype=float)
-        array.flags.writeable = False
-    return array
+    def record(self, block: Record) -> None:
+        """Write the state as the next row of `block`, with what the steps since the row before have cost."""
+        code = record_state.call(self._machine.address, block.address)
+        if code != codes.DONE:
+            self._raise(code)
+
+    def diagnose(self, position: np.ndarray, momentum: np.ndarray) -> np.ndarray:
+        """Diagnostics of states q, p of shape (rows, dof), a row each, with the columns of `Block`."""
+        block = make_block(1, self.scene.dof, self.scene.dimension)
+        found = np.empty((len(position), block.fields.diagnostics.shape[1]))
+        for row in range(len(position)):
+            self.place(position[row], momentum[row])
+            block.fields.progress[:] = 0
+            self.record(block)
+            found[row] = block.fields.diagnostics[0]
+        return found
+
+    def advance(self, block: Record, steps: int, every: int, deadline: float) -> StepError | None:
+        """Step on until `steps` steps of a run are taken, `block` is full, or the clock passes `deadline`.
+
+        Steps taken and rows filled are counted in the block. Returns what stopped the run, if anything did.
+
+        Raises
+        ------
+        Exception
+            Whatever a function of the user's raises; `state` is the last good one then.
+        """
+        self._tries, progress = 0, block.fields.progress
+        while True:
+            before = progress[0]
+            code = advance.call(self._machine.address, block.address, steps, every, deadline)
+            self._tries = 0 if progress[0] > before else self._tries
+            if code == codes.DONE:
+                return None
+            try:
+                if code == codes.REFRESH:
+                    self._widen()
+                else:
+                    self._raise(code)
+            except StepError as error:
+                return error
+
+    def _bind(self, islands: Islands, program: Program) -> Record:
+        parts = (self._system, self._method, self._work, islands, program, self._mail, self._bridge.hooks)
+        return Record(MACHINE, Machine(*parts, self.stats.tally))
+
+    def _widen(self) -> None:
+        """Search neighbours anew, farther each time that the same step asks for it."""
+        if self._tries == _SEARCHES:
+            raise StepError("a body moves farther in one step than any search for neighbours; use a smaller step_size.")
+        self._search(2.0**self._tries)
+        self._tries += 1
+
+    def _search(self, factor: float) -> None:
+        q, p = self._work.q, self._work.p
+        self._system = search(self._system, self.scene, q, p, self.step_size, factor)
+        self._work, islands, program = work_arrays(self._system)
+        self._work.q[:], self._work.p[:] = q, p
+        for solver in self._solvers:
+            solver.bind(program)
+        self._machine = self._bind(islands, program)
+
+    def _raise(self, code: int) -> NoReturn:
+        """Raise what a kernel's code means."""
+        raised = self._bridge.forget()
+        if raised is not None:
+            raise raised
+        report = self._work.report
+        if code == codes.UNCONVERGED:
+            raise StepError(
+                f"position: the update with {report[0]:.0f} unilateral and {report[1]:.0f} bilateral constraints "
+                f"did not converge: scaled residuals are primal {report[2]:.1e}, dual {report[3]:.1e}, "
+                f"complementarity {report[4]:.1e} where {report[5]:.0e} is allowed; use a smaller step_size, "
+                f"polish = true or a tighter tolerance, or a potential with a hessian."
+            )
+        operator = OPERATORS[self._method.operator]
+        if code == codes.NO_DIRECTION:
+            raise StepError(
+                f"reflection: {operator!r} turns back and forth between {report[0]:.0f} contacts that leave "
+                f"the momentum no direction in which all of them separate; use a smaller step_size, so that "
+                f"fewer of them are met at once."
+            )
+        if code == codes.TOO_MANY_PASSES:
+            raise StepError(
+                f"reflection: {operator!r} left {report[0]:.0f} of {report[1]:.0f} contacts approaching "
+                f"(fastest at {report[3]:.2e}) after {report[2]:.0f} passes; try another operator or a smaller "
+                f"step_size."
+            )
+        if code == codes.INDEFINITE:
+            reflection_metric(self.scene, self._scheme, self._work.q, self.step_size)  # says from which step size on
+            raise StepError("reflection: the metric of the numerical Hamiltonian is not positive definite to rounding.")
+        raise StepError("the state is no longer finite; use a smaller step_size.")

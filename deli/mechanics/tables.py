@@ -6,7 +6,7 @@ Arrays in a table are int64 or float64, C-contiguous, and its own: it may be cha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class Rows(NamedTuple):
     kind: Indices
     first: Indices
     second: Indices
-    vector: Array
+    vector: Annotated[Array, 2]
     target: Array
     sign: Array
     period: Array
@@ -76,7 +76,7 @@ class Terms(NamedTuple):
     strength: Array
     length: Array
     body: Indices
-    centre: Array
+    centre: Annotated[Array, 2]
     coefficient: Array
     exponent: Array
 

@@ -1,16 +1,17 @@
-"""Rows of a run: gathered one by one, given their diagnostics block by block."""
+"""Rows of a run, on their way from a stepper to a file or to memory."""
 
 from typing import Protocol
 
 import numpy as np
 
-from deli.mechanics import energies, symmetry
+from deli.integrators.discrete_smooth import DiscreteSmooth
 from deli.mechanics.scene import Scene
 from deli.recording.schema import STATS, Block, Groups, Schema
-from deli.subproblems.choices import SUBPROBLEMS
-from deli.subproblems.stats import COUNTS, RESIDUALS, TIMES, StepStats
+from deli.subproblems.stats import COUNTS, RESIDUALS, TIMES
 
 BLOCK_ROWS = 256
+MOST_ROWS = 8192
+BLOCK_BYTES = 32_000_000
 STAT_NAMES = (*COUNTS, *TIMES, *RESIDUALS, "status")
 
 
@@ -46,101 +47,97 @@ class Memory:
 
 
 class Recorder:
-    """Gathers rows and hands them, with diagnostics, to a sink.
+    """Holds the rows that a stepper writes, and hands them to a sink.
 
-    Diagnostics are evaluated for `BLOCK_ROWS` rows at a time, at the row's own place in its block: the last bits of
-    a batched sum depend on the shape of the batch, and a resumed run must not differ from an uninterrupted one.
+    Parameters
+    ----------
+    scene : Scene
+    step_size : float
+    sink : Sink
+    first_row : int
+        Rows that earlier sessions have recorded.
+
+    Attributes
+    ----------
+    block : Record
+        Where a stepper writes its rows.
     """
 
-    def __init__(self, scene: Scene, sink: Sink, first_row: int = 0) -> None:
+    def __init__(self, scene: Scene, step_size: float, sink: Sink, first_row: int = 0) -> None:
+        from deli.kernels.advance import make_block  # compiles what it imports
+
         self._scene = scene
+        self._step_size = step_size
         self._sink = sink
         self._first_row = first_row
-        self._filled = 0
-        dtypes = {variable.name: variable.dtype for variable in Schema(scene.dof, scene.dimension).groups[STATS]}
-        self._trajectory: Block = {
-            "time": np.zeros(BLOCK_ROWS),
-            "position": np.zeros((BLOCK_ROWS, scene.dof)),
-            "momentum": np.zeros((BLOCK_ROWS, scene.dof)),
-            "smooth_contacts": np.zeros(BLOCK_ROWS, dtype=np.int64),
-            "reflected_contacts": np.zeros(BLOCK_ROWS, dtype=np.int64),
-        }
-        self._stats: Block = {name: np.zeros((BLOCK_ROWS, len(SUBPROBLEMS)), dtype=dtypes[name]) for name in STAT_NAMES}
+        self._dtypes = {variable.name: variable.dtype for variable in Schema(scene.dof, scene.dimension).groups[STATS]}
+        rows = int(np.clip(BLOCK_BYTES // (16 * scene.dof), 1, MOST_ROWS))
+        self.block = make_block(rows, scene.dof, scene.dimension)
 
     @property
     def buffered(self) -> int:
         """Rows that the sink has not got yet."""
-        return self._filled
+        return int(self.block.fields.progress[1])
+
+    @property
+    def full(self) -> bool:
+        """Whether there is no room for another row."""
+        return self.buffered == len(self.block.fields.steps)
 
     @property
     def rows(self) -> int:
         """Rows in total, those of earlier sessions included."""
-        return self._first_row + self._filled
+        return self._first_row + self.buffered
 
-    def add(self, time: float, q: np.ndarray, p: np.ndarray, stats: StepStats | None) -> None:
-        """Append a row; `stats` of the steps that lead to it, None for the initial state."""
-        row = self._filled
-        if row == len(self._trajectory["time"]):
-            self._trajectory = {name: _doubled(values) for name, values in self._trajectory.items()}
-            self._stats = {name: _doubled(values) for name, values in self._stats.items()}
-        trajectory = self._trajectory
-        trajectory["time"][row] = time
-        trajectory["position"][row] = q
-        trajectory["momentum"][row] = p
-        trajectory["smooth_contacts"][row] = 0 if stats is None else stats.smooth_contacts
-        trajectory["reflected_contacts"][row] = 0 if stats is None else stats.reflected_contacts
-        if stats is not None:
-            for name, values in self._stats.items():
-                values[row] = getattr(stats, name)
-        self._filled = row + 1
+    @property
+    def last_step(self) -> int:
+        """The step that leads to the last buffered row."""
+        return int(self.block.fields.steps[self.buffered - 1])
 
     def flush(self) -> None:
         """Hand all buffered rows to the sink."""
-        if not self._filled:
+        count, block = self.buffered, self.block.fields
+        if not count:
             return
-        trajectory = {name: values[: self._filled].copy() for name, values in self._trajectory.items()}
-        trajectory |= diagnose_rows(self._scene, self._first_row, trajectory["position"], trajectory["momentum"])
-        first_step = 1 if self._first_row == 0 else 0
-        stats = {name: values[first_step : self._filled].copy() for name, values in self._stats.items()}
+        trajectory: Block = {
+            "time": block.steps[:count] * self._step_size,
+            "position": block.position[:count].copy(),
+            "momentum": block.momentum[:count].copy(),
+            **named_diagnostics(block.diagnostics[:count], self._scene.dimension),
+            "smooth_contacts": block.contacts[:count, 0].copy(),
+            "reflected_contacts": block.contacts[:count, 1].copy(),
+        }
+        first = 1 if self._first_row == 0 else 0  # no step leads to the initial state
+        columns = [*np.moveaxis(block.counts, 1, 0), *np.moveaxis(block.times, 1, 0)]
+        columns += [*np.moveaxis(block.residuals, 1, 0), block.status]
+        stats = {
+            name: values[first:count].astype(self._dtypes[name])
+            for name, values in zip(STAT_NAMES, columns, strict=True)
+        }
         stats["step"] = np.arange(max(self._first_row - 1, 0), self.rows - 1)
         self._sink.write(self._first_row, trajectory, stats)
-        self._first_row += self._filled
-        self._filled = 0
+        self._first_row += count
+        block.progress[1] = 0
 
 
-def _doubled(values: np.ndarray) -> np.ndarray:
-    return np.concatenate([values, np.zeros_like(values)])
+def named_diagnostics(columns: np.ndarray, dimension: int) -> Block:
+    """Diagnostics of rows by name, from the columns that kernels write."""
+    kinetic, potential, gap, mismatch = columns[:, :4].T
+    values = {
+        "hamiltonian": kinetic + potential,
+        "kinetic_energy": kinetic,
+        "potential_energy": potential,
+        "linear_momentum": columns[:, 4 : 4 + dimension],
+        "gap_min": gap,
+        "equality_residual": mismatch,
+    }
+    if dimension > 1:
+        angular = columns[:, 4 + dimension :]
+        values["angular_momentum"] = angular[:, 0] if dimension == 2 else angular
+    return {name: np.array(value) for name, value in values.items()}
 
 
 def diagnose(scene: Scene, q: np.ndarray, p: np.ndarray) -> Block:
     """Energies, momenta, the smallest gap and the equality residual of states q, p of shape (rows, dof)."""
-    values = {
-        "hamiltonian": energies.hamiltonian(scene, q, p),
-        "kinetic_energy": energies.kinetic_energy(scene, p),
-        "potential_energy": scene.potential.energy(q),
-        "linear_momentum": symmetry.linear_momentum(scene, p),
-    }
-    angular = symmetry.angular_momentum(scene, q, p)
-    if angular is not None:
-        values["angular_momentum"] = angular
-    missing = np.full(len(q), np.nan)
-    values["gap_min"] = scene.unilateral.value(q).min(axis=-1) if scene.unilateral.rows else missing
-    values["equality_residual"] = np.abs(scene.bilateral.value(q)).max(axis=-1) if scene.bilateral.rows else missing
-    return {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
-
-
-def diagnose_rows(scene: Scene, first_row: int, q: np.ndarray, p: np.ndarray) -> Block:
-    """Diagnostics of rows `first_row`, `first_row` + 1, ... to the same bits whichever rows come along."""
-    pieces: list[Block] = []
-    done = 0
-    while done < len(q):
-        place = (first_row + done) % BLOCK_ROWS
-        count = min(BLOCK_ROWS - place, len(q) - done)
-        block_q = np.tile(q[done], (BLOCK_ROWS, 1))
-        block_p = np.tile(p[done], (BLOCK_ROWS, 1))
-        block_q[place : place + count] = q[done : done + count]
-        block_p[place : place + count] = p[done : done + count]
-        block = diagnose(scene, block_q, block_p)
-        pieces.append({name: values[place : place + count] for name, values in block.items()})
-        done += count
-    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    stepper = DiscreteSmooth("verlet").stepper(scene, 1.0)
+    return named_diagnostics(stepper.diagnose(q, p), scene.dimension)

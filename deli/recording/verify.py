@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from deli.recording import provenance, reading
-from deli.recording.recorder import diagnose_rows
+from deli.recording.recorder import diagnose
 from deli.recording.schema import STATS, TRAJECTORY, Groups, Schema, build_tree, dataset_of
 
 AGREEMENT = 1e-9
@@ -90,7 +90,7 @@ def _diagnostics(run: xr.DataTree) -> Iterator[Finding]:
         yield Finding("diagnostics", None, "not recomputed: the scene is a user's own")
         return
     trajectory = dataset_of(run, TRAJECTORY)
-    again = diagnose_rows(scene, 0, trajectory["position"].values, trajectory["momentum"].values)
+    again = diagnose(scene, trajectory["position"].values, trajectory["momentum"].values)
     for name, values in again.items():
         recorded = trajectory[name].values
         scale = max(float(np.nanmax(np.abs(values), initial=0.0)), 1.0)

@@ -1,7 +1,6 @@
 """The loop over steps: advance, record, look up now and then, and end in an orderly way."""
 
 import logging
-import math
 import time
 from pathlib import Path
 from typing import Any
@@ -9,12 +8,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from deli.errors import InputError, StepError
+from deli.errors import InputError
 from deli.mechanics import energies
 from deli.recording import netcdf, provenance
 from deli.recording.paths import partial_path
 from deli.recording.reading import read
-from deli.recording.recorder import BLOCK_ROWS, Memory, Recorder, diagnose_rows
+from deli.recording.recorder import BLOCK_ROWS, Memory, Recorder, diagnose
 from deli.recording.schema import TRAJECTORY, Groups, Schema, build_tree
 from deli.running.interrupts import Interrupted, StopRequests
 from deli.running.plan import Plan
@@ -43,11 +42,13 @@ class Session:
         self._memory, self._writer, first_row = Memory(), None, 0
         if plan.output is not None:
             self._writer, first_row = self._open(partial_path(plan.output), config)
-        self._recorder = Recorder(plan.scene, self._writer or self._memory, first_row)
+        self._recorder = Recorder(plan.scene, plan.step_size, self._writer or self._memory, first_row)
+        self._stepper.place(self._q, self._p)
+        self._progress = self._recorder.block.fields.progress
         if first_row == 0:
-            self._recorder.add(0.0, self._q, self._p, None)
+            self._stepper.record(self._recorder.block)
             self._recorder.flush()
-        self._step = self._first_step = plan.step_of(self._recorder.rows - 1)
+        self._progress[0] = plan.step_of(self._recorder.rows - 1)
         self._bar = ProgressBar(plan.scene.name, plan.steps, self._step, progress)
         self._flushed = time.perf_counter()
 
@@ -82,7 +83,7 @@ class Session:
         return netcdf.Writer.create(path, self._schema, self._attributes), 0
 
     def _require_same_functions(self, groups: Groups, path: Path) -> None:
-        first = diagnose_rows(self._plan.scene, 0, self._q[np.newaxis], self._p[np.newaxis])
+        first = diagnose(self._plan.scene, self._q[np.newaxis], self._p[np.newaxis])
         for name, values in first.items():
             recorded = groups[TRAJECTORY][name][1][:1]
             if not np.allclose(recorded, values, rtol=1e-9, atol=1e-12, equal_nan=True):
@@ -91,47 +92,37 @@ class Session:
                     "now, so the scene's functions are not the same. Overwrite it, or name another output."
                 )
 
+    @property
+    def _step(self) -> int:
+        """Steps of the run that have been taken."""
+        return int(self._progress[0])
+
     def _advance(self, stop: StopRequests) -> str:
-        step, stats = self._stepper.step, self._stepper.stats
-        clock = time.perf_counter
-        due = clock() + REFRESH_SECONDS
-        for end in self._plan.ends(self._recorder.rows - 1):
-            stats.reset()
-            while self._step < end:
-                if stop.reason is not None:
-                    return f"{INTERRUPTED} by {stop.reason} after step {self._step}"
-                try:
-                    q, p = step(self._q, self._p)
-                except StepError as error:
-                    self._record_last_good()
-                    return self._failure(str(error))
-                # A product of finite numbers is cheaper to look at than all of them, and not finite if one is not.
-                if not math.isfinite(q.dot(p)) and not (np.isfinite(q).all() and np.isfinite(p).all()):
-                    self._record_last_good()
-                    return self._failure("the state is not finite; try a smaller step_size")
-                self._q, self._p = q, p
-                self._step += 1
-                if clock() > due:
-                    self._look_up()
-                    due = clock() + REFRESH_SECONDS
-            self._recorder.add(self._step * self._plan.step_size, self._q, self._p, stats)
-        self._look_up()
+        plan, block = self._plan, self._recorder.block
+        while self._step < plan.steps:
+            if stop.reason is not None:
+                return f"{INTERRUPTED} by {stop.reason} after step {self._step}"
+            error = self._stepper.advance(block, plan.steps, plan.every, time.monotonic() + REFRESH_SECONDS)
+            if error is not None:
+                self._record_last_good()
+                return self._failure(str(error))
+            self._look_up()
         return COMPLETE
 
     def _look_up(self) -> None:
         waited = time.perf_counter() - self._flushed
         enough = self._recorder.buffered >= BLOCK_ROWS and waited > FLUSH_SECONDS
-        if self._writer is not None and (enough or waited > PATIENCE_SECONDS):
+        if self._recorder.full or (self._writer is not None and (enough or waited > PATIENCE_SECONDS)):
             self._recorder.flush()
             self._flushed = time.perf_counter()
         if self._bar.active:
-            energy = float(energies.hamiltonian(self._plan.scene, self._q, self._p))
+            energy = float(energies.hamiltonian(self._plan.scene, *self._stepper.state))
             self._bar.update(self._step, energy - self._energy)
 
     def _record_last_good(self) -> None:
         """Add the state before a failed step as a row if it is none yet; its stats count the failed attempt too."""
         if self._step > self._plan.step_of(self._recorder.rows - 1):
-            self._recorder.add(self._step * self._plan.step_size, self._q, self._p, self._stepper.stats)
+            self._stepper.record(self._recorder.block)
 
     def _failure(self, why: str) -> str:
         begin = self._step * self._plan.step_size

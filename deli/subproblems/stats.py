@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from deli.kernels.system import Tally
 from deli.subproblems.choices import SUBPROBLEMS
 
 if TYPE_CHECKING:
@@ -31,34 +32,43 @@ class StepStats:
     primal_residual, dual_residual, complementarity : (3,) float64 arrays
         Largest scaled residuals, nan where none was measured. For the position update they are those of the
         nonlinear system (7.3, 7.4, 7.8) and not of the last convex program on the way to it.
-    status : (3,) int8 array
+    status : (3,) int64 array
         The worst that happened: an index into `STATUS_MEANINGS`.
-    smooth_contacts, reflected_contacts : int
-        Size of the smooth set of the last step; contacts that took part in a reflection, summed over steps.
     """
 
     def __init__(self) -> None:
-        count = len(SUBPROBLEMS)
-        self.solves, self.skipped, self.iterations, self.rows, self.fallbacks = np.zeros((5, count), dtype=np.int64)
-        self.solve_time, self.overhead_time = np.zeros((2, count))
-        self.primal_residual, self.dual_residual, self.complementarity = np.full((3, count), np.nan)
-        self.status = np.full(count, UNUSED, dtype=np.int8)
-        self.smooth_contacts = 0
-        self.reflected_contacts = 0
+        self.tally = Tally(
+            np.zeros((len(COUNTS), len(SUBPROBLEMS)), dtype=np.int64),
+            np.zeros((len(TIMES), len(SUBPROBLEMS))),
+            np.full((len(RESIDUALS), len(SUBPROBLEMS)), np.nan),
+            np.full(len(SUBPROBLEMS), UNUSED, dtype=np.int64),
+            np.zeros(3, dtype=np.int64),
+        )
+        self.solves, self.skipped, self.iterations, self.rows, self.fallbacks = self.tally.counts
+        self.solve_time, self.overhead_time = self.tally.times
+        self.primal_residual, self.dual_residual, self.complementarity = self.tally.residuals
+        self.status = self.tally.status
+
+    @property
+    def smooth_contacts(self) -> int:
+        """Size of the smooth set of the last step."""
+        return int(self.tally.contacts[0])
+
+    @property
+    def reflected_contacts(self) -> int:
+        """Contacts that took part in a reflection, summed over steps."""
+        return int(self.tally.contacts[1])
+
+    @property
+    def native_solves(self) -> int:
+        """Programs solved by compiled code, of all steps ever."""
+        return int(self.tally.contacts[2])
 
     def reset(self) -> None:
         """Forget everything but the size of the smooth set."""
-        for name in COUNTS + TIMES:
-            getattr(self, name)[:] = 0
-        for name in RESIDUALS:
-            getattr(self, name)[:] = np.nan
-        self.status[:] = UNUSED
-        self.reflected_contacts = 0
-
-    def skip(self, subproblem: int) -> None:
-        """Count a subproblem that needed no solver."""
-        self.skipped[subproblem] += 1
-        self._worsen(subproblem, SKIPPED)
+        tally = self.tally
+        tally.counts[:], tally.times[:], tally.residuals[:], tally.status[:] = 0, 0.0, np.nan, UNUSED
+        tally.contacts[1] = 0
 
     def add(self, subproblem: int, solution: "Solution", rows: int) -> None:
         """Count a call of a solver, whether it succeeded or not."""

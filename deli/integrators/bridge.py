@@ -1,0 +1,114 @@
+"""The way from kernels back to Python: to functions of the user's, and to solvers of other packages."""
+
+import ctypes
+from collections.abc import Callable
+
+import numpy as np
+
+from deli.integrators.binding import clock_address
+from deli.kernels import system as asked
+from deli.kernels.solve import NEWTON
+from deli.kernels.system import Hooks, Mail
+from deli.mechanics.constraints import ConstraintStack
+from deli.mechanics.energies import potential_hessian
+from deli.mechanics.scene import Scene
+from deli.subproblems.program import ProgramSolver
+
+_SOFTEST = -0.5  # least eigenvalue, relative to the masses, that the metric takes from an indefinite hessian
+_Function = ctypes.CFUNCTYPE(ctypes.c_int64, *(ctypes.c_int64,) * 4)
+
+
+class Bridge:
+    """Answers what kernels ask of a scene and its solvers.
+
+    What is raised meanwhile cannot pass through compiled code: it is kept in `raised` and the kernel returns.
+
+    Parameters
+    ----------
+    scene : Scene
+    mail : Mail
+        Where user functions find q and leave their values.
+    solvers : list of ProgramSolver
+        By subproblem.
+    """
+
+    def __init__(self, scene: Scene, mail: Mail, solvers: list[ProgramSolver]) -> None:
+        self.raised: BaseException | None = None
+        self._scene = scene
+        self._mail = mail
+        self._solvers = solvers
+        self._answers: dict[int, Callable[[], None]] = {
+            asked.ENERGY: self._energy,
+            asked.GRADIENT: self._gradient,
+            asked.HESSIAN: self._hessian,
+            asked.SOFTEN: self._soften,
+            asked.LEAST_GAP: self._least,
+            asked.UNILATERAL: lambda: self._values(scene.unilateral, mail.unilateral),
+            asked.BILATERAL: lambda: self._values(scene.bilateral, mail.bilateral),
+            asked.UNILATERAL_GRADIENTS: lambda: self._jacobians(scene.unilateral, mail.unilateral_gradients),
+            asked.BILATERAL_GRADIENTS: lambda: self._jacobians(scene.bilateral, mail.bilateral_gradients),
+        }
+        # Kernels know these by their addresses: they live as long as the bridge.
+        self._evaluate = _Function(self._answer)
+        self._solve = _Function(self._answer_program)
+        self.hooks = Hooks(_address(self._evaluate), _address(self._solve), clock_address())
+
+    def forget(self) -> BaseException | None:
+        """Return what was raised since the last call."""
+        raised, self.raised = self.raised, None
+        return raised
+
+    def _answer(self, what: int, *_: int) -> int:
+        try:
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                self._answers[what]()
+        except BaseException as error:  # handed on once the kernel has returned
+            self.raised = error
+            return 1
+        return 0
+
+    def _answer_program(self, subproblem: int, size: int, equalities: int, rows: int) -> int:
+        try:
+            newton = subproblem >= NEWTON
+            solver = self._solvers[subproblem - NEWTON if newton else subproblem]
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                solver.solve(size, equalities, rows, newton)
+        except BaseException as error:  # handed on once the kernel has returned
+            self.raised = error
+            return 1
+        return 0
+
+    def _energy(self) -> None:
+        self._mail.energy[0] = sum(float(family.energy(self._mail.at)) for family in self._scene.potential.others)
+
+    def _gradient(self) -> None:
+        self._mail.gradient[:] = 0.0
+        for family in self._scene.potential.others:
+            self._mail.gradient[:] += family.gradient(self._mail.at)
+
+    def _hessian(self) -> None:
+        self._mail.hessian[:] = potential_hessian(self._scene, self._mail.at)
+
+    def _soften(self) -> None:
+        values, vectors = np.linalg.eigh(self._mail.hessian)
+        self._mail.hessian[:] = (vectors * np.maximum(values, _SOFTEST)) @ vectors.T
+
+    def _values(self, stack: ConstraintStack, out: np.ndarray) -> None:
+        begin = 0
+        for family in stack.others:
+            out[begin : begin + family.rows] = family.value(self._mail.at)
+            begin += family.rows
+
+    def _jacobians(self, stack: ConstraintStack, out: np.ndarray) -> None:
+        begin = 0
+        for family in stack.others:
+            out[begin : begin + family.rows] = family.jacobian(self._mail.at)
+            begin += family.rows
+
+    def _least(self) -> None:
+        families = self._scene.unilateral.searched_families
+        self._mail.energy[0] = min(family.least(self._mail.at) for family in families)
+
+
+def _address(function: object) -> int:
+    return ctypes.cast(function, ctypes.c_void_p).value or 0  # type: ignore[arg-type]

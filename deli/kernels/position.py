@@ -1,0 +1,356 @@
+"""Position update with complementarity (7.3, 7.4, 7.8), island by island, as a sequence of metric projections."""
+
+import math
+
+import numpy as np
+from numba import types
+
+from deli.kernels.compiled import kernel, unit
+from deli.kernels.forces import ask, gradient, hessian
+from deli.kernels.islands import connect
+from deli.kernels.rows import value
+from deli.kernels.solve import along, append, backward, factorize, forward, solve
+from deli.kernels.system import (
+    BILATERAL,
+    DONE,
+    MACHINE,
+    POSITION,
+    SOFTEN,
+    UNCONVERGED,
+    UNILATERAL,
+    Islands,
+    Machine,
+    Work,
+)
+from deli.kernels.tally import measure, skip
+
+_TARGET = 1e-14  # scaled residual at which the iteration is done
+_ACCEPTED = 1e-10  # scaled residual accepted of an iteration that has reached its floor
+_SLACK = 10.0  # what is accepted instead of an unpolished solver, in its tolerances
+_ITERATIONS = 200
+_PROGRESS = 0.9  # factor by which a residual has to fall to count as progress
+_PATIENCE = 3  # iterations without progress after which the floor is reached
+_ROUNDING = 8 * 2.0**-52
+
+
+@kernel
+def first_force(machine: Machine, q: np.ndarray, x: np.ndarray, out: np.ndarray) -> int:
+    """Force slot of D₁L_d(q, x): −(h/2)∇V at the midpoint (8.2), or at q (8.3)."""
+    method, work = machine.method, machine.work
+    half = -0.5 * method.step_size
+    if method.implicit:
+        for k in range(q.size):
+            work.stress[k] = 0.5 * (q[k] + x[k])
+        code = gradient(machine, work.stress, out)
+    else:
+        code = gradient(machine, q, out)
+    for k in range(q.size):
+        out[k] *= half
+    return code
+
+
+@kernel
+def _gather(machine: Machine, group: int) -> None:
+    """Write the rows of one island at q, bilateral ones first."""
+    system, work, islands, program = machine.system, machine.work, machine.islands, machine.program
+    count = 0
+    program.start[0] = 0
+    for k in range(islands.held_start[group], islands.held_start[group + 1]):
+        append(
+            program, count, system.bilateral, islands.held[k], work.held_normals, work.held_gradients,
+            islands.place, system.root,
+        )  # fmt: skip
+        count += 1
+    for k in range(islands.row_start[group], islands.row_start[group + 1]):
+        append(
+            program, count, system.unilateral, islands.rows[k], work.normals, work.gradients,
+            islands.place, system.root,
+        )  # fmt: skip
+        count += 1
+
+
+@kernel
+def _evaluate(machine: Machine, group: int, whole: bool) -> int:
+    """Force where it depends on x, g_𝕊(x) and f(x) of one island."""
+    system, work, islands, mail = machine.system, machine.work, machine.islands, machine.mail
+    if whole and not system.constant:
+        code = first_force(machine, work.q, work.moved, work.force)
+        if code != DONE:
+            return code
+    begin, end = islands.row_start[group], islands.row_start[group + 1]
+    if begin < end and system.other_unilateral:
+        code = ask(machine, UNILATERAL, work.moved)
+        if code != DONE:
+            return code
+    for k in range(begin, end):
+        row = islands.rows[k]
+        work.gaps_moved[row] = value(system.unilateral, row, work.moved, mail.unilateral)
+    begin, end = islands.held_start[group], islands.held_start[group + 1]
+    if begin < end and system.other_bilateral:
+        code = ask(machine, BILATERAL, work.moved)
+        if code != DONE:
+            return code
+    for k in range(begin, end):
+        row = islands.held[k]
+        work.mismatch[row] = value(system.bilateral, row, work.moved, mail.bilateral)
+    return DONE
+
+
+@kernel
+def _metric(machine: Machine) -> int:
+    """Newton's metric A = M + (h²/4)V″ and ŵ = p + φ + (h²/4)V″v, over √M; z holds √M v.
+
+    Where A is not positive definite the hessian's most negative eigenvalues are raised in both: the fixed point is
+    the same.
+    """
+    system, method, work, program, mail = machine.system, machine.method, machine.work, machine.program, machine.mail
+    size, root = system.mass.size, system.root
+    for k in range(size):
+        work.stress[k] = 0.5 * (work.q[k] + work.moved[k])
+    code = hessian(machine, work.stress)
+    if code != DONE:
+        return code
+    quarter = 0.25 * method.step_size**2
+    for attempt in range(2):
+        for i in range(size):
+            for j in range(size):
+                entry = mail.hessian[i, j]
+                if attempt == 0:
+                    entry *= quarter / (root[i] * root[j])
+                    mail.hessian[i, j] = entry
+                program.metric[i, j] = entry + 1.0 if i == j else entry
+        if factorize(program.metric, size, program.factor):
+            break
+        code = ask(machine, SOFTEN, work.stress)
+        if code != DONE:
+            return code
+    for i in range(size):
+        total = 0.0
+        for j in range(size):
+            total += mail.hessian[i, j] * program.z[j]
+        program.wish[i] += total
+    return DONE
+
+
+@kernel
+def _judge(machine: Machine, group: int, rows: int, equalities: int) -> tuple[float, float, float, float]:
+    """Scaled residuals of (7.3, 7.4, 7.8) at x, and the one that an interior-point solver can vouch for.
+
+    Impulses are compared in the metric of the masses. The last has products λg in place of min(λ, g).
+    """
+    system, work, islands, program = machine.system, machine.work, machine.islands, machine.program
+    dimension, root = system.dimension, system.root
+    wish = program.wish  # scratch: the impulse that no constraint and no force explains
+    impulse, local = 0.0, 0
+    for k in range(islands.body_start[group], islands.body_start[group + 1]):
+        for axis in range(dimension):
+            dof = islands.bodies[k] * dimension + axis
+            carried = root[dof] * work.velocity[dof]
+            given, force = work.momentum[dof] / root[dof], work.force[dof] / root[dof]
+            impulse = max(impulse, abs(carried), abs(given), abs(force))
+            wish[local] = carried - given - force
+            local += 1
+    if not impulse > 0.0:
+        impulse = 1.0
+    primal = complementarity = product = negative = 0.0
+    for k in range(rows):
+        for entry in range(program.start[k], program.start[k + 1]):
+            wish[program.column[entry]] -= program.value[entry] * program.y[k]
+        if k < equalities:
+            row = islands.held[islands.held_start[group] + k]
+            primal = max(primal, abs(work.mismatch[row]) / system.bilateral_scale[row])
+        else:
+            row = islands.rows[islands.row_start[group] + k - equalities]
+            pressed, gap = program.y[k] / impulse, work.gaps_moved[row] / system.gap_scale[row]
+            work.pressed[row], work.scaled[row] = pressed, gap
+            primal = max(primal, -gap)
+            complementarity = max(complementarity, abs(min(pressed, gap)))
+            product = max(product, abs(pressed * gap))
+            negative = max(negative, -pressed)
+    dual = 0.0
+    for k in range(local):
+        dual = max(dual, abs(wish[k]))
+        if not math.isfinite(wish[k]):
+            dual = math.nan
+            break
+    dual /= impulse
+    return primal, dual, complementarity, max(primal, dual, product, negative)
+
+
+@kernel
+def _keep(dimension: int, group: int, store: bool, work: Work, islands: Islands) -> None:
+    """Store the best iterate of one island, or bring it back."""
+    for k in range(islands.body_start[group], islands.body_start[group + 1]):
+        for axis in range(dimension):
+            dof = islands.bodies[k] * dimension + axis
+            if store:
+                work.best[dof], work.best_force[dof] = work.velocity[dof], work.force[dof]
+            else:
+                work.velocity[dof], work.force[dof] = work.best[dof], work.best_force[dof]
+    for k in range(islands.row_start[group], islands.row_start[group + 1]):
+        row = islands.rows[k]
+        if store:
+            work.best_pressed[row], work.best_scaled[row] = work.pressed[row], work.scaled[row]
+        else:
+            work.pressed[row], work.scaled[row] = work.best_pressed[row], work.best_scaled[row]
+
+
+@kernel
+def _floor(machine: Machine, group: int, newton: bool) -> float:
+    """What rounding of x alone leaves of the residuals: far from the origin, or of a stiff force."""
+    system, method, work, islands, mail = machine.system, machine.method, machine.work, machine.islands, machine.mail
+    h, dimension, root = method.step_size, system.dimension, system.root
+    reach = impulse = 0.0
+    for k in range(islands.body_start[group], islands.body_start[group + 1]):
+        for axis in range(dimension):
+            dof = islands.bodies[k] * dimension + axis
+            reach = max(reach, abs(work.q[dof] + h * work.best[dof]))
+            impulse = max(impulse, abs(work.momentum[dof]) / root[dof], abs(work.best_force[dof]) / root[dof])
+    floor = reach / system.length
+    if newton:
+        for k in range(work.q.size):
+            work.stress[k] = work.q[k] + 0.5 * h * work.best[k]
+        if hessian(machine, work.stress) == DONE:
+            for i in range(work.q.size):
+                total = 0.0
+                for j in range(work.q.size):
+                    total += abs(mail.hessian[i, j]) * abs(work.q[j] + h * work.best[j])
+                stiffness = 0.25 * h * h * total / root[i]
+                floor = max(floor, stiffness / (h * (impulse if impulse > 0.0 else 1.0)))
+    return _ROUNDING * floor
+
+
+@unit(types.int64, MACHINE, types.int64, types.boolean, types.boolean)
+def _iterate(machine: Machine, group: int, whole: bool, free: bool) -> int:
+    """Iterate the linearizations of one island until the nonlinear system holds; keep the best."""
+    system, method, work, islands, program, tally = (
+        machine.system,
+        machine.method,
+        machine.work,
+        machine.islands,
+        machine.program,
+        machine.tally,
+    )
+    h, dimension, root = method.step_size, system.dimension, system.root
+    row_begin, row_end = islands.row_start[group], islands.row_start[group + 1]
+    held_begin, held_end = islands.held_start[group], islands.held_start[group + 1]
+    body_begin, body_end = islands.body_start[group], islands.body_start[group + 1]
+    equalities, rows = held_end - held_begin, held_end - held_begin + row_end - row_begin
+    size = (body_end - body_begin) * dimension
+    linear = free or (method.skip and row_end == row_begin)
+    exact = linear or method.exact[POSITION]
+    accepted = _ACCEPTED if exact else max(_ACCEPTED, _SLACK * method.tolerance[POSITION])
+    newton = system.newton and whole
+    if rows:
+        _gather(machine, group)
+    code = _evaluate(machine, group, whole)
+    if code != DONE:
+        return code
+    least, stalled = math.inf, 0
+    primal = dual = complementarity = math.nan
+    for _ in range(_ITERATIONS):
+        local = 0
+        for k in range(body_begin, body_end):
+            for axis in range(dimension):
+                dof = islands.bodies[k] * dimension + axis
+                program.z[local] = root[dof] * work.velocity[dof]
+                program.wish[local] = (work.momentum[dof] + work.force[dof]) / root[dof]
+                local += 1
+        if newton:
+            code = _metric(machine)
+            if code != DONE:
+                return code
+        for k in range(rows):
+            if k < equalities:
+                gap = work.mismatch[islands.held[held_begin + k]]
+            else:
+                gap = work.gaps_moved[islands.rows[row_begin + k - equalities]]
+            program.bounds[k] = along(program, k, program.z) - gap / (h * program.lengths[k])
+        if linear and rows == 0:
+            for k in range(size):
+                program.z[k] = program.wish[k]
+            if newton:
+                forward(program.factor, size, program.z)
+                backward(program.factor, size, program.z)
+        else:
+            code = solve(machine, POSITION, size, equalities, rows, newton, linear)
+            if code != DONE:
+                return code
+        local = 0
+        for k in range(body_begin, body_end):
+            for axis in range(dimension):
+                dof = islands.bodies[k] * dimension + axis
+                work.velocity[dof] = program.z[local] / root[dof]
+                work.moved[dof] = work.q[dof] + h * work.velocity[dof]
+                local += 1
+        code = _evaluate(machine, group, whole)
+        if code != DONE:
+            return code
+        first, second, third, certified = _judge(machine, group, rows, equalities)
+        worst = max(first, second, third) if exact else certified
+        stalled = 0 if worst < _PROGRESS * least else stalled + 1
+        if worst < least or math.isinf(least):
+            least, primal, dual, complementarity = worst, first, second, third
+            _keep(dimension, group, True, work, islands)
+        if least <= _TARGET or (stalled >= _PATIENCE and least <= accepted) or not math.isfinite(worst):
+            break
+    if not (least <= accepted or least <= _floor(machine, group, newton)):
+        work.report[0], work.report[1] = row_end - row_begin, equalities
+        work.report[2], work.report[3], work.report[4] = primal, dual, complementarity
+        work.report[5] = accepted
+        return UNCONVERGED
+    _keep(dimension, group, False, work, islands)
+    for k in range(body_begin, body_end):
+        for axis in range(dimension):
+            dof = islands.bodies[k] * dimension + axis
+            work.moved[dof] = work.q[dof] + h * work.velocity[dof]
+    if not free:
+        measure(tally, POSITION, primal, dual, complementarity)
+    return DONE
+
+
+@unit(types.int64, MACHINE)
+def predict(machine: Machine) -> int:
+    """Unconstrained step (8.1) into ``work.velocity``, ``work.moved`` and ``work.force``."""
+    system, method, work, islands = machine.system, machine.method, machine.work, machine.islands
+    for k in range(work.q.size):
+        work.velocity[k] = work.p[k] * system.inverse[k]
+        work.moved[k] = work.q[k] + method.step_size * work.velocity[k]
+    if system.constant:
+        code = first_force(machine, work.q, work.moved, work.force)
+        for k in range(work.q.size):
+            work.velocity[k] = (work.p[k] + work.force[k]) * system.inverse[k]
+            work.moved[k] = work.q[k] + method.step_size * work.velocity[k]
+        return code
+    for k in range(work.q.size):
+        work.momentum[k] = work.p[k]
+    islands.row_start[1] = islands.held_start[1] = 0
+    islands.body_start[1] = system.component.size
+    for body in range(system.component.size):
+        islands.bodies[body] = body
+    return _iterate(machine, 0, True, True)
+
+
+@unit(types.int64, MACHINE, types.int64)
+def update(machine: Machine, count: int) -> int:
+    """Move from `position` with ``work.momentum``, the first `count` rows of ``work.pressing`` pressing.
+
+    On entry ``work.velocity`` is where the iteration starts and ``work.force`` the force where it does not depend on
+    x. On return ``work.velocity``, ``work.moved`` and ``work.force`` are those of the update, and ``work.pressed`` and
+    ``work.scaled`` hold λ_i|∇g_i| and g_i(x), scaled, by number of the unilateral row.
+    """
+    system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
+    whole = system.coupled or not method.skip
+    before = tally.counts[0, POSITION]
+    if not whole:
+        for k in range(work.q.size):
+            work.velocity[k] = (work.momentum[k] + work.force[k]) * system.inverse[k]
+            work.moved[k] = work.q[k] + method.step_size * work.velocity[k]
+    groups = connect(machine, count, True, whole)
+    for group in range(groups):
+        code = _iterate(machine, group, whole, False)
+        if code != DONE:
+            return code
+    if tally.counts[0, POSITION] == before:
+        skip(tally, POSITION)
+    return DONE

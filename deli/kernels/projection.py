@@ -1,0 +1,61 @@
+"""Momentum update (7.5, 7.6, 7.9): momentum returns to the cotangent space of the constraints that stay active."""
+
+from numba import types
+
+from deli.kernels.compiled import unit
+from deli.kernels.islands import connect
+from deli.kernels.solve import append, solve
+from deli.kernels.system import DONE, MACHINE, PROJECTION, Machine
+from deli.kernels.tally import skip
+
+
+@unit(types.int64, MACHINE, types.int64)
+def tangent(machine: Machine, count: int) -> int:
+    """Project ``work.carried`` off the first `count` rows of ``work.pressing`` and all bilateral rows, gradients at x."""
+    system, method, work, islands, program, tally = (
+        machine.system,
+        machine.method,
+        machine.work,
+        machine.islands,
+        machine.program,
+        machine.tally,
+    )
+    dimension, root = system.dimension, system.root
+    before = tally.counts[0, PROJECTION]
+    groups = connect(machine, count, True, system.coupled or not method.skip)
+    for group in range(groups):
+        rows = local = 0
+        program.start[0] = 0
+        for k in range(islands.row_start[group], islands.row_start[group + 1]):
+            append(
+                program, rows, system.unilateral, islands.rows[k], work.normals_moved, work.gradients_moved,
+                islands.place, root,
+            )  # fmt: skip
+            rows += 1
+        for k in range(islands.held_start[group], islands.held_start[group + 1]):
+            append(
+                program, rows, system.bilateral, islands.held[k], work.held_normals_moved,
+                work.held_gradients_moved, islands.place, root,
+            )  # fmt: skip
+            rows += 1
+        if method.skip and rows == 0:
+            continue
+        for k in range(rows):
+            program.bounds[k] = 0.0
+        for k in range(islands.body_start[group], islands.body_start[group + 1]):
+            for axis in range(dimension):
+                dof = islands.bodies[k] * dimension + axis
+                program.wish[local] = work.carried[dof] / root[dof]
+                local += 1
+        code = solve(machine, PROJECTION, local, rows, rows, False, method.skip)
+        if code != DONE:
+            return code
+        local = 0
+        for k in range(islands.body_start[group], islands.body_start[group + 1]):
+            for axis in range(dimension):
+                dof = islands.bodies[k] * dimension + axis
+                work.carried[dof] = program.z[local] * root[dof]
+                local += 1
+    if tally.counts[0, PROJECTION] == before:
+        skip(tally, PROJECTION)
+    return DONE

@@ -1,0 +1,334 @@
+"""Generalized reflection (6.6-6.9, Algorithms 2 and 3) of the contacts of an extended active set."""
+
+import math
+
+import numpy as np
+from numba import types
+
+from deli.kernels.compiled import kernel, unit
+from deli.kernels.forces import hessian
+from deli.kernels.islands import connect
+from deli.kernels.rows import push, rate, weight
+from deli.kernels.solve import append, backward, factorize, forward, solve
+from deli.kernels.system import (
+    DONE,
+    INDEFINITE,
+    MACHINE,
+    MOREAU,
+    NO_DIRECTION,
+    REFLECTION,
+    SEQUENTIAL,
+    TOO_MANY_PASSES,
+    Machine,
+)
+from deli.kernels.tally import skip
+
+_PASSES = 1000
+_MOST_PASSES = 1_000_000
+_SAME = 1e-10  # relative difference of two momenta that are one
+_SMALL = 1000  # degrees of freedom up to which every pass is compared with the one before
+
+
+@kernel
+def _turn(machine: Machine, group: int, share: float) -> int:
+    """Add `share` of the impulse that conserves the Hamiltonian to the momentum of one island."""
+    system, method, work, islands, program = (
+        machine.system,
+        machine.method,
+        machine.work,
+        machine.islands,
+        machine.program,
+    )
+    momentum, table, held = work.momentum, system.unilateral, system.bilateral
+    begin, end = islands.row_start[group], islands.row_start[group + 1]
+    held_begin, held_end = islands.held_start[group], islands.held_start[group + 1]
+    if method.skip and end - begin == 1 and held_begin == held_end:
+        row = islands.rows[begin]
+        speed = rate(table, row, work.normals, work.gradients, momentum, system.inverse)
+        inertia = weight(table, row, work.normals, work.gradients, system.inverse)
+        push(table, row, work.normals, work.gradients, share * (-2.0 * speed / inertia), momentum)
+        return DONE
+    equalities, rows = _gather(machine, group)
+    dimension, size = system.dimension, 0
+    for k in range(islands.body_start[group], islands.body_start[group + 1]):
+        for axis in range(dimension):
+            dof = islands.bodies[k] * dimension + axis
+            program.wish[size] = 2.0 * momentum[dof] / system.root[dof]
+            size += 1
+    for k in range(rows):
+        program.bounds[k] = 0.0
+    linear = method.skip and end - begin == 1
+    code = solve(machine, REFLECTION, size, equalities, rows, False, linear)
+    for k in range(rows):
+        impulse = share * program.y[k] / program.lengths[k]
+        if k < equalities:
+            row = islands.held[held_begin + k]
+            push(held, row, work.held_normals, work.held_gradients, impulse, momentum)
+        else:
+            row = islands.rows[begin + k - equalities]
+            push(table, row, work.normals, work.gradients, impulse, momentum)
+    return code
+
+
+@kernel
+def _gather(machine: Machine, group: int) -> tuple[int, int]:
+    """Write the rows of one island at q, bilateral ones first; return how many are bilateral, and how many there are."""
+    system, work, islands, program = machine.system, machine.work, machine.islands, machine.program
+    count = 0
+    program.start[0] = 0
+    for k in range(islands.held_start[group], islands.held_start[group + 1]):
+        append(
+            program, count, system.bilateral, islands.held[k], work.held_normals, work.held_gradients,
+            islands.place, system.root,
+        )  # fmt: skip
+        count += 1
+    equalities = count
+    for k in range(islands.row_start[group], islands.row_start[group + 1]):
+        append(
+            program, count, system.unilateral, islands.rows[k], work.normals, work.gradients,
+            islands.place, system.root,
+        )  # fmt: skip
+        count += 1
+    return equalities, count
+
+
+@kernel
+def _tangent(machine: Machine, taken: int) -> np.ndarray:
+    """Gradients over √M, projected on what the bilateral constraints leave free (7.7), one a row."""
+    system, work, islands, program = machine.system, machine.work, machine.islands, machine.program
+    dof, root = system.mass.size, system.root
+    held = islands.held_start[1]
+    normals = np.zeros((taken, dof))
+    for k in range(taken):
+        push(system.unilateral, islands.rows[k], work.normals, work.gradients, 1.0, normals[k])
+        for i in range(dof):
+            normals[k, i] /= root[i]
+    if held == 0:
+        return normals
+    program.start[0] = 0
+    for k in range(held):
+        append(
+            program, k, system.bilateral, islands.held[k], work.held_normals, work.held_gradients,
+            islands.place, root,
+        )  # fmt: skip
+    for k in range(taken):
+        for i in range(dof):
+            program.wish[i] = normals[k, i]
+        for row in range(held):
+            program.bounds[row] = 0.0
+        solve(machine, REFLECTION, dof, held, held, False, True)
+        for i in range(dof):
+            normals[k, i] = program.z[i]
+    return normals
+
+
+@kernel
+def _numerical_impulse(
+    machine: Machine, taken: int, normals: np.ndarray, root: np.ndarray, momentum: np.ndarray, impulse: np.ndarray
+) -> int:
+    """Solve ``minimize ½|u − 2Wp|²_A subject to Ĝᵀu >= 0`` with A = W⁻¹; the impulse is Ĝλ."""
+    program = machine.program
+    dof = root.size
+    scaled = np.empty(dof)
+    for i in range(dof):
+        scaled[i] = 2.0 * momentum[i] / root[i]
+    program.start[0] = 0
+    at = 0
+    for k in range(taken):
+        square = 0.0
+        for i in range(dof):
+            square += normals[k, i] ** 2
+        length = math.sqrt(square) if square > 0.0 else 1.0
+        for i in range(dof):
+            program.column[at] = i
+            program.value[at] = normals[k, i] / length
+            at += 1
+        program.start[k + 1] = at
+        program.lengths[k] = length
+        program.bounds[k] = 0.0
+    # A = (√M W √M)⁻¹ in these coordinates, and A·(√M W √M)·2p/√M is 2p/√M itself.
+    _invert(program.factor, dof, program.metric)
+    for i in range(dof):
+        program.wish[i] = scaled[i]
+    if not factorize(program.metric, dof, program.factor):
+        return INDEFINITE
+    code = solve(machine, 0, dof, 0, taken, True, False)
+    for k in range(taken):
+        size = max(0.0, program.y[k]) / program.lengths[k]
+        for i in range(dof):
+            impulse[i] += size * normals[k, i] * root[i]
+    return code
+
+
+@kernel
+def _invert(factor: np.ndarray, size: int, out: np.ndarray) -> None:
+    """Inverse of L Lᵀ, symmetric to the bit."""
+    column = np.empty(size)
+    for j in range(size):
+        for i in range(size):
+            column[i] = 1.0 if i == j else 0.0
+        forward(factor, size, column)
+        backward(factor, size, column)
+        for i in range(j, size):
+            out[i, j] = column[i]
+            out[j, i] = column[i]
+
+
+@unit(types.int64, MACHINE)
+def _turn_numerical(machine: Machine) -> int:
+    """Add the impulse that conserves ½pᵀWp, W = M⁻¹ + c h² M⁻¹V″M⁻¹; nearly none where contacts graze.
+
+    The program is posed in the metric A = W⁻¹ with gradients projected as in (7.7); with √M W √M = L Lᵀ it is
+    ``minimize ½|z − 2Lᵀp/√M|²`` over the rows times L/√M.
+    """
+    system, method, work, islands, program, mail = (
+        machine.system,
+        machine.method,
+        machine.work,
+        machine.islands,
+        machine.program,
+        machine.mail,
+    )
+    dof, momentum, root = system.mass.size, work.momentum, system.root
+    code = hessian(machine, work.q)
+    if code != DONE:
+        return code
+    for i in range(dof):
+        for j in range(dof):
+            program.metric[i, j] = method.curvature * mail.hessian[i, j] / (root[i] * root[j])
+        program.metric[i, i] += 1.0
+    if not factorize(program.metric, dof, program.factor):
+        return INDEFINITE
+    # √M W √M is needed to go on; the metric of the model is its inverse.
+    taken = islands.row_start[1]
+    normals = _tangent(machine, taken)
+    impulse = np.zeros(dof)
+    if method.skip and taken == 1:
+        speed = inertia = 0.0
+        for i in range(dof):
+            response = 0.0
+            for j in range(dof):
+                response += program.metric[i, j] * normals[0, j]
+            speed += response * momentum[i] / root[i]
+            inertia += response * normals[0, i]
+        size = max(0.0, -2.0 * speed / inertia)
+        for i in range(dof):
+            impulse[i] = size * normals[0, i] * root[i]
+    else:
+        code = _numerical_impulse(machine, taken, normals, root, momentum, impulse)
+        if code != DONE:
+            return code
+    approach, after = 0.0, 0.0
+    for k in range(taken):
+        row = islands.rows[k]
+        size = math.sqrt(weight(system.unilateral, row, work.normals, work.gradients, system.inverse))
+        size = size if size > 0.0 else 1.0
+        speed = rate(system.unilateral, row, work.normals, work.gradients, momentum, system.inverse) / size
+        turn = rate(system.unilateral, row, work.normals, work.gradients, impulse, system.inverse) / size
+        approach = speed if k == 0 else min(approach, speed)
+        after = speed + turn if k == 0 else min(after, speed + turn)
+    if after >= 0.5 * approach:
+        for i in range(dof):
+            momentum[i] += impulse[i]
+        return DONE
+    # Contacts that graze approach in M⁻¹ while they recede in W, and no positive impulse conserves ½pᵀWp. Half the
+    # impulse that conserves H is the smallest one that stops the approach.
+    return _turn(machine, 0, 0.5)
+
+
+@kernel
+def _pass(machine: Machine, taken: int) -> int:
+    """Reflect off the first `taken` rows of ``work.pressing``, island by island."""
+    system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
+    momentum = work.momentum
+    for k in range(momentum.size):
+        work.free_momentum[k] = momentum[k]  # as it was before this pass
+    numerical = method.numerical and system.curved
+    before = tally.counts[0, REFLECTION]
+    groups = connect(machine, taken, False, system.coupled or numerical or not method.skip)
+    for group in range(groups):
+        if numerical:
+            code = _turn_numerical(machine)
+        else:
+            code = _turn(machine, group, 1.0)
+        if code != DONE:
+            return code
+    if tally.counts[0, REFLECTION] == before:
+        skip(tally, REFLECTION)
+    return DONE
+
+
+@kernel
+def _rattle(mass: np.ndarray) -> float:
+    """N equal balls in a row need fewer than n² passes; a light one rattles as often as the root of the ratio."""
+    least = most = mass[0]
+    for k in range(mass.size):
+        least, most = min(least, mass[k]), max(most, mass[k])
+    return 4.0 * math.sqrt(most / least)
+
+
+@unit(types.int64, MACHINE, types.int64)
+def reflect(machine: Machine, count: int) -> int:
+    """Turn ``work.momentum`` until none of the first `count` rows of ``work.chosen`` approaches.
+
+    Each pass selects rows, reflects off them together, and looks again: ``generalized`` selects the approaching
+    contacts, ``moreau`` all that do not separate, ``sequential`` the next approaching one in index order.
+    """
+    system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
+    momentum, chosen, approach, still = work.momentum, work.chosen, work.approach, work.still
+    table, dof = system.unilateral, system.mass.size
+    for k in range(count):
+        work.marked[k] = 0
+    limit = min(_MOST_PASSES, _PASSES + int(_rattle(system.mass) * float(count) ** 2))
+    last, before_known = -1, False
+    selected = work.pressing
+    for passes in range(limit):
+        violated, next_one, first_one = 0, -1, -1
+        for k in range(count):
+            row = chosen[k]
+            approach[k] = rate(table, row, work.normals, work.gradients, momentum, system.inverse)
+            if approach[k] < -still[row]:
+                violated += 1
+                first_one = k if first_one < 0 else first_one
+                next_one = k if next_one < 0 and k > last else next_one
+        if violated == 0:
+            if passes == 0:
+                skip(tally, REFLECTION)
+            reflected = 0
+            for k in range(count):
+                reflected += work.marked[k]
+            tally.contacts[1] += reflected
+            return DONE
+        taken = 0
+        if method.operator == SEQUENTIAL:
+            last = next_one if next_one >= 0 else first_one
+            selected[0], taken = chosen[last], 1
+            work.marked[last] = 1
+        else:
+            for k in range(count):
+                zero = still[chosen[k]]
+                if approach[k] <= zero if method.operator == MOREAU else approach[k] < -zero:
+                    selected[taken] = chosen[k]
+                    work.marked[k] = 1
+                    taken += 1
+        compared = dof <= _SMALL or passes >= _PASSES // 2
+        code = _pass(machine, taken)
+        if code != DONE:
+            return code
+        if compared:
+            # `before` is the momentum of two passes ago; what comes back to it will do so for ever.
+            change = size = 0.0
+            for k in range(dof):
+                change += (momentum[k] - work.before[k]) ** 2 * system.inverse[k]
+                size += momentum[k] ** 2 * system.inverse[k]
+            if before_known and math.sqrt(change) <= _SAME * math.sqrt(size):
+                work.report[0] = count
+                return NO_DIRECTION
+            for k in range(dof):
+                work.before[k] = work.free_momentum[k]
+            before_known = True
+    work.report[0], work.report[1], work.report[2] = violated, count, limit
+    work.report[3] = approach[0]
+    for k in range(count):
+        work.report[3] = min(work.report[3], approach[k])
+    return TOO_MANY_PASSES

@@ -1,0 +1,380 @@
+"""One step: Algorithm 1 with bilateral constraints (7.8, 7.9), or its smooth part (5.6-5.9)."""
+
+import math
+
+import numpy as np
+from numba import types
+
+from deli.kernels.compiled import kernel, unit
+from deli.kernels.forces import ask, gradient
+from deli.kernels.position import predict, update
+from deli.kernels.projection import tangent
+from deli.kernels.reflection import reflect
+from deli.kernels.rows import normal, rate, values, weight
+from deli.kernels.system import (
+    BILATERAL_GRADIENTS,
+    DONE,
+    MACHINE,
+    NOT_FINITE,
+    POSITION,
+    PROJECTION,
+    REFLECTION,
+    REFRESH,
+    UNILATERAL,
+    UNILATERAL_GRADIENTS,
+    Machine,
+    System,
+    Work,
+)
+from deli.kernels.tally import skip
+from deli.mechanics.tables import OTHER
+
+_VIOLATED = 1e-12  # scaled gap below which a constraint is violated by more than rounding
+_ROUNDOFF = 8 * 2.0**-52  # of the momenta of all bodies, which leaks into each of them
+
+
+@kernel
+def find_gaps(machine: Machine, q: np.ndarray, out: np.ndarray) -> int:
+    """Values of all unilateral rows at q."""
+    system, mail = machine.system, machine.mail
+    if system.other_unilateral:
+        code = ask(machine, UNILATERAL, q)
+        if code != DONE:
+            return code
+    values(system.unilateral, q, mail.unilateral, out)
+    return DONE
+
+
+@kernel
+def approached(machine: Machine, q: np.ndarray) -> float:
+    """By how much two bodies may have come nearer since neighbours were searched: twice the largest displacement."""
+    system = machine.system
+    dimension, most = system.dimension, 0.0
+    for body in range(system.component.size):
+        square = 0.0
+        for axis in range(dimension):
+            dof = body * dimension + axis
+            square += (q[dof] - system.reference[dof]) ** 2
+        most = max(most, square)
+    return 2.0 * math.sqrt(most)
+
+
+@kernel
+def strayed(machine: Machine, q: np.ndarray) -> bool:
+    """Whether a body may have come to touch one that is not among its searched neighbours."""
+    system = machine.system
+    return system.reference.size > 0 and not approached(machine, q) < 0.999 * system.reach
+
+
+@kernel
+def _copy(matrix: np.ndarray, out: np.ndarray) -> None:
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            out[i, j] = matrix[i, j]
+
+
+@kernel
+def _gradients_here(machine: Machine, held: int) -> int:
+    """Gradients at q of what a step can meet: rows are added to this when they are chosen."""
+    system, work, mail = machine.system, machine.work, machine.mail
+    if system.other_unilateral:
+        code = ask(machine, UNILATERAL_GRADIENTS, work.q)
+        if code != DONE:
+            return code
+        _copy(mail.unilateral_gradients, work.gradients)
+    if held:
+        if system.other_bilateral:
+            code = ask(machine, BILATERAL_GRADIENTS, work.q)
+            if code != DONE:
+                return code
+            _copy(mail.bilateral_gradients, work.held_gradients)
+        for row in range(held):
+            normal(system.bilateral, row, work.q, work.held_normals)
+    return DONE
+
+
+@kernel
+def _attempt(machine: Machine, active: int) -> tuple[int, int]:
+    """Reflect off 𝔸, find 𝕊, update the position; return a code and the size of 𝕊.
+
+    𝕊 is at the front of ``work.smooth``; what presses besides, because it lands, follows it in ``work.pressing``.
+    """
+    system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
+    table, dof = system.unilateral, work.q.size
+    rows = table.kind.size
+    for k in range(dof):
+        work.momentum[k] = work.p[k]
+        work.velocity[k] = work.predicted_velocity[k]
+        work.force[k] = work.predicted_force[k]
+        work.moved[k] = work.predicted[k]
+    smooth, free = 0, True
+    if method.reflects and not active:
+        skip(tally, REFLECTION)
+    if method.reflects and active:
+        code = _first_force_here(machine)
+        if code != DONE:
+            return code, 0
+        count = 0
+        for row in range(rows):
+            if work.active[row]:
+                work.chosen[count] = row
+                count += 1
+                normal(table, row, work.q, work.normals)
+        _velocity_zeros(machine, work.p, count)
+        code = reflect(machine, count)
+        if code != DONE:
+            return code, 0
+        for k in range(dof):
+            free = free and work.momentum[k] == work.p[k]
+        count = 0
+        for row in range(rows):
+            if work.touching[row]:
+                work.chosen[count] = row
+                count += 1
+        _velocity_zeros(machine, work.momentum, count)
+        for k in range(count):
+            row = work.chosen[k]
+            speed = rate(table, row, work.normals, work.gradients, work.momentum, system.inverse)
+            if abs(speed) <= work.still[row]:
+                work.smooth[smooth] = row
+                smooth += 1
+        # The force the position update starts from is that of the prediction, not that at q.
+        for k in range(dof):
+            work.force[k] = work.predicted_force[k]
+    if not method.reflects:
+        for row in range(rows):
+            if work.touching[row]:
+                work.smooth[smooth] = row
+                smooth += 1
+                normal(table, row, work.q, work.normals)
+    for row in range(rows):
+        work.resting[row] = False
+    for k in range(smooth):
+        work.pressing[k] = work.smooth[k]
+        work.resting[work.smooth[k]] = True
+    pressing = smooth
+    for row in range(rows):
+        if work.landing[row] and not work.resting[row]:
+            work.pressing[pressing] = row
+            pressing += 1
+    if method.skip and free and pressing == 0 and system.bilateral.kind.size == 0:
+        skip(tally, POSITION)
+    else:
+        code = update(machine, pressing)
+        if code != DONE:
+            return code, smooth
+        code = find_gaps(machine, work.moved, work.gaps_moved)
+        if code != DONE:
+            return code, smooth
+    return DONE, smooth
+
+
+@kernel
+def _first_force_here(machine: Machine) -> int:
+    """Force slot at (q, q) into ``work.force``: the scale of velocities that count as zero."""
+    system, method, work = machine.system, machine.method, machine.work
+    if not (method.implicit and system.curved):
+        return DONE  # it is the prediction's
+    code = gradient(machine, work.q, work.force)
+    for k in range(work.q.size):
+        work.force[k] *= -0.5 * method.step_size
+    return code
+
+
+@kernel
+def _velocity_zeros(machine: Machine, momentum: np.ndarray, count: int) -> None:
+    """Normal velocities below which the first `count` chosen rows do not move, into ``work.still``.
+
+    ``|∇g_iᵀv| ≤ τ ‖∇g_i‖ (‖p‖ + ‖impulse of the forces in one step‖)``, norms in the metric M⁻¹ over the bodies
+    that the constraint touches, and a share of rounding of those of all bodies.
+    """
+    system, method, work = machine.system, machine.method, machine.work
+    table, inverse, force, dimension = system.unilateral, system.inverse, work.force, system.dimension
+    everything = push = 0.0
+    for k in range(momentum.size):
+        everything += momentum[k] * momentum[k] * inverse[k]
+        push += force[k] * force[k] * inverse[k]
+    rounding = _ROUNDOFF * (math.sqrt(everything) + math.sqrt(push))
+    for k in range(count):
+        row = chosen = work.chosen[k]
+        here = there = 0.0
+        if table.kind[row] == OTHER:
+            gradient_number = table.first[row]
+            for body in range(system.component.size):
+                touched = False
+                for axis in range(dimension):
+                    touched = touched or work.gradients[gradient_number, body * dimension + axis] != 0.0
+                if touched:
+                    for axis in range(dimension):
+                        dof = body * dimension + axis
+                        here += momentum[dof] * momentum[dof] * inverse[dof]
+                        there += force[dof] * force[dof] * inverse[dof]
+        else:
+            for end in range(2):
+                body = table.first[row] if end == 0 else table.second[row]
+                if body >= 0:
+                    for axis in range(dimension):
+                        dof = body * dimension + axis
+                        here += momentum[dof] * momentum[dof] * inverse[dof]
+                        there += force[dof] * force[dof] * inverse[dof]
+        size = math.sqrt(weight(table, row, work.normals, work.gradients, inverse))
+        speed = method.contact_tolerance * (math.sqrt(here) + math.sqrt(there)) + rounding
+        work.still[chosen] = speed * size
+
+
+@kernel
+def _violated(system: System, work: Work) -> bool:
+    """Let what x violates join 𝔸, or land if it is there already; return whether anything did.
+
+    Both sets only grow, so the loop of attempts ends.
+    """
+    changed = False
+    for row in range(system.unilateral.kind.size):
+        if work.gaps_moved[row] < -_VIOLATED * system.gap_scale[row]:
+            if not work.active[row]:
+                work.active[row] = True
+                changed = True
+            elif not (work.landing[row] or work.resting[row]):
+                work.landing[row] = True
+                changed = True
+    return changed
+
+
+@kernel
+def _carry(machine: Machine, smooth: int) -> int:
+    """Momentum at x: D₂L_d(q, x) without what the constraints that stay active do not allow."""
+    system, method, work, mail, tally = machine.system, machine.method, machine.work, machine.mail, machine.tally
+    dof, moved, held = system.mass.size, work.moved, system.bilateral.kind.size
+    force = work.force
+    if not method.implicit:
+        code = gradient(machine, moved, work.stress)
+        if code != DONE:
+            return code
+        for k in range(dof):
+            work.stress[k] *= -0.5 * method.step_size
+        force = work.stress
+    for k in range(dof):
+        work.carried[k] = system.mass[k] * work.velocity[k] + force[k]
+    count = 0
+    for k in range(smooth):
+        row = work.smooth[k]
+        opened = work.pressed[row] < work.scaled[row]
+        if not opened and abs(work.gaps_moved[row]) <= method.contact_tolerance * system.gap_scale[row]:
+            work.pressing[count] = row
+            count += 1
+            normal(system.unilateral, row, moved, work.normals_moved)
+    if count and system.other_unilateral:
+        code = ask(machine, UNILATERAL_GRADIENTS, moved)
+        if code != DONE:
+            return code
+        _copy(mail.unilateral_gradients, work.gradients_moved)
+    if held:
+        if system.other_bilateral:
+            code = ask(machine, BILATERAL_GRADIENTS, moved)
+            if code != DONE:
+                return code
+            _copy(mail.bilateral_gradients, work.held_gradients_moved)
+        for row in range(held):
+            normal(system.bilateral, row, moved, work.held_normals_moved)
+    if method.skip and count == 0 and held == 0:
+        skip(tally, PROJECTION)
+        return DONE
+    return tangent(machine, count)
+
+
+@unit(types.int64, MACHINE, types.boolean)
+def step(machine: Machine, known: bool) -> int:
+    """Write the state one step after (``work.q``, ``work.p``) to ``work.moved`` and ``work.carried``.
+
+    `known` says that ``work.gaps`` holds g(q) already; on return ``work.gaps_moved`` holds g(x).
+    """
+    system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
+    table, dof = system.unilateral, work.q.size
+    rows = table.kind.size
+    if not known:
+        if strayed(machine, work.q):
+            return REFRESH
+        code = find_gaps(machine, work.q, work.gaps)
+        if code != DONE:
+            return code
+    code = predict(machine)
+    if code != DONE:
+        return code
+    if strayed(machine, work.moved):
+        return REFRESH
+    touching = 0
+    for row in range(rows):
+        work.touching[row] = abs(work.gaps[row]) <= method.contact_tolerance * system.gap_scale[row]
+        work.landing[row] = False
+        touching += work.touching[row]
+    # D₂L_d of a step that meets nothing needs the prediction only.
+    for k in range(dof):
+        work.predicted[k] = work.moved[k]
+        work.predicted_velocity[k] = work.velocity[k]
+        work.predicted_force[k] = work.force[k]
+    code = find_gaps(machine, work.moved, work.gaps_moved)
+    if code != DONE:
+        return code
+    held = system.bilateral.kind.size
+    active = 0
+    for row in range(rows):
+        crossed = method.reflects and not method.closed_loop and work.gaps_moved[row] <= 0.0
+        work.active[row] = method.reflects and (work.touching[row] or crossed)
+        active += work.active[row]
+    if held or (touching and not method.reflects):
+        code = _gradients_here(machine, held)
+        if code != DONE:
+            return code
+    gradients_known = held > 0 or (touching > 0 and not method.reflects)
+    smooth = 0
+    while True:
+        if active and not gradients_known:
+            code = _gradients_here(machine, held)
+            if code != DONE:
+                return code
+            gradients_known = True
+        code, smooth = _attempt(machine, active)
+        if code != DONE:
+            return code
+        if strayed(machine, work.moved):
+            return REFRESH
+        if not (method.reflects and method.closed_loop):
+            break
+        if not _violated(system, work):
+            break
+        active = 0
+        for row in range(rows):
+            active += work.active[row]
+    tally.contacts[0] = smooth
+    code = _carry(machine, smooth)
+    if code != DONE:
+        return code
+    total = 0.0
+    for k in range(dof):
+        total += abs(work.moved[k]) + abs(work.carried[k])
+    return DONE if math.isfinite(total) else NOT_FINITE
+
+
+@unit(types.int64, MACHINE)
+def reflect_touching(machine: Machine) -> int:
+    """Reflect ``work.p`` off all contacts with g(q) = 0, into ``work.momentum``; no forces act."""
+    system, work = machine.system, machine.work
+    for k in range(work.q.size):
+        work.momentum[k] = work.p[k]
+        work.force[k] = 0.0
+    code = find_gaps(machine, work.q, work.gaps)
+    if code != DONE:
+        return code
+    count = 0
+    for row in range(system.unilateral.kind.size):
+        if abs(work.gaps[row]) <= machine.method.contact_tolerance * system.gap_scale[row]:
+            work.chosen[count] = row
+            count += 1
+            normal(system.unilateral, row, work.q, work.normals)
+    if count == 0:
+        return DONE
+    code = _gradients_here(machine, system.bilateral.kind.size)
+    if code != DONE:
+        return code
+    _velocity_zeros(machine, work.p, count)
+    return reflect(machine, count)

@@ -1,0 +1,286 @@
+"""What kernels read and write: the scene, the method, and the arrays a step works in."""
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deli.kernels.record import RecordType
+from deli.mechanics.tables import Rows, Terms
+
+Vector = NDArray[np.float64]
+Matrix = Annotated[NDArray[np.float64], 2]
+Numbers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+GENERALIZED, MOREAU, SEQUENTIAL = 0, 1, 2
+REFLECTION, POSITION, PROJECTION = 0, 1, 2
+
+# What a kernel returns. After REFRESH, neighbours must be searched and the step tried again; above it, it failed.
+DONE, REFRESH = 0, 1
+RAISED, UNCONVERGED, NO_DIRECTION, TOO_MANY_PASSES, NOT_FINITE, INDEFINITE = 10, 11, 12, 13, 14, 15
+
+# What a kernel asks the function at `Hooks.evaluate` for, of the configuration in `Mail.at`.
+ENERGY, GRADIENT, HESSIAN, SOFTEN, LEAST_GAP = 0, 1, 2, 3, 4
+UNILATERAL, UNILATERAL_GRADIENTS, BILATERAL, BILATERAL_GRADIENTS = 5, 6, 7, 8
+
+
+class System(NamedTuple):
+    """A scene bound to a scheme.
+
+    Attributes
+    ----------
+    dimension : int
+    mass, inverse, root : (dof,) arrays
+        M, M⁻¹ and √M.
+    unilateral, bilateral : Rows
+    gap_scale, bilateral_scale : (rows,) arrays
+        The size of a gap or equality that counts as one.
+    terms : Terms
+    component : (bodies,) int64 array
+        Lowest body of those that bilateral constraints join to each.
+    length : float
+        The scene's length scale.
+    constant : bool
+        Whether the force of the first slot does not depend on x.
+    newton : bool
+        Whether that force has a known derivative, so that Newton's metric pays.
+    curved : bool
+        Whether the potential has a hessian other than zero.
+    coupled : bool
+        Whether the bodies of a step cannot be told apart into islands.
+    other_forces : bool
+        Whether functions of the user's contribute to the potential.
+    other_unilateral, other_bilateral : int
+        Rows that are functions of the user's.
+    reference : (dof,) array
+        Where the neighbours in `unilateral` were searched; empty if they were not.
+    reach : float
+        Gap up to which pairs were searched.
+    """
+
+    dimension: int
+    mass: Vector
+    inverse: Vector
+    root: Vector
+    unilateral: Rows
+    bilateral: Rows
+    gap_scale: Vector
+    bilateral_scale: Vector
+    terms: Terms
+    component: Numbers
+    length: float
+    constant: bool
+    newton: bool
+    curved: bool
+    coupled: bool
+    other_forces: bool
+    other_unilateral: int
+    other_bilateral: int
+    reference: Vector
+    reach: float
+
+
+class Method(NamedTuple):
+    """A method with its step size and the choices for its subproblems.
+
+    Attributes
+    ----------
+    step_size : float
+    implicit : bool
+        Midpoint, as opposed to verlet.
+    reflects : bool
+        Whether Algorithm 1 is followed, or only its smooth part.
+    operator : int
+    numerical : bool
+        Whether reflections conserve the numerical Hamiltonian.
+    curvature : float
+        c h² of the scheme, W = M⁻¹ + c h² M⁻¹V″M⁻¹.
+    closed_loop, skip : bool
+    contact_tolerance : float
+    tolerance : (3,) array
+    exact, native : (3,) bool arrays
+        By subproblem: whether its answers are polished or exact, and whether the compiled solver gives them.
+    """
+
+    step_size: float
+    implicit: bool
+    reflects: bool
+    operator: int
+    numerical: bool
+    curvature: float
+    closed_loop: bool
+    skip: bool
+    contact_tolerance: float
+    tolerance: Vector
+    exact: Flags
+    native: Flags
+
+
+class Hooks(NamedTuple):
+    """Addresses of functions that are not compiled, 0 where there is none.
+
+    Attributes
+    ----------
+    evaluate : int
+        ``evaluate(what, 0, 0, 0)`` answers in `Mail`; what it returns is nonzero if the user's function raised.
+    solve : int
+        ``solve(subproblem, size, equalities, rows)`` solves the program in `Program`.
+    clock : int
+        ``clock_gettime`` of the C library.
+    """
+
+    evaluate: int
+    solve: int
+    clock: int
+
+
+class Program(NamedTuple):
+    """The metric projection at hand, in z = √M v over a speed, with rows of unit length; equalities first.
+
+    ``minimize ½ zᵀA z − wishᵀz  subject to  R z = b (equalities), R z >= b``, so that ``A z − wish = Rᵀ y``.
+
+    Attributes
+    ----------
+    start, column, value : arrays
+        R by compressed rows.
+    bounds, lengths : (rows,) arrays
+        b, and the lengths that the rows had.
+    wish, z : (dof,) arrays
+    y : (rows,) array
+    metric, factor : (dof, dof) arrays
+        A where it is not the identity, and its Cholesky factor; empty where the scene needs none.
+    """
+
+    start: Numbers
+    column: Numbers
+    value: Vector
+    bounds: Vector
+    lengths: Vector
+    wish: Vector
+    z: Vector
+    y: Vector
+    metric: Matrix
+    factor: Matrix
+
+
+class Mail(NamedTuple):
+    """What user functions read and write.
+
+    Attributes
+    ----------
+    at : (dof,) array
+    energy : (1,) array
+    gradient : (dof,) array
+    hessian : (dof, dof) array
+    unilateral, bilateral : (other rows,) arrays
+    unilateral_gradients, bilateral_gradients : (other rows, dof) arrays
+    """
+
+    at: Vector
+    energy: Vector
+    gradient: Vector
+    hessian: Matrix
+    unilateral: Vector
+    bilateral: Vector
+    unilateral_gradients: Matrix
+    bilateral_gradients: Matrix
+
+
+class Islands(NamedTuple):
+    """Bodies and rows by connected component; see `deli.kernels.islands`."""
+
+    parent: Numbers
+    label: Numbers
+    place: Numbers
+    body_start: Numbers
+    bodies: Numbers
+    row_start: Numbers
+    rows: Numbers
+    held_start: Numbers
+    held: Numbers
+
+
+class Work(NamedTuple):
+    """Arrays of one step, by degree of freedom, by unilateral row, by bilateral row."""
+
+    q: Vector
+    p: Vector
+    moved: Vector
+    carried: Vector
+    momentum: Vector
+    velocity: Vector
+    force: Vector
+    stress: Vector
+    before: Vector
+    best: Vector
+    best_force: Vector
+    predicted: Vector
+    predicted_velocity: Vector
+    predicted_force: Vector
+    free_momentum: Vector
+    gaps: Vector
+    gaps_moved: Vector
+    normals: Matrix
+    normals_moved: Matrix
+    gradients: Matrix
+    gradients_moved: Matrix
+    approach: Vector
+    still: Vector
+    touching: Flags
+    active: Flags
+    landing: Flags
+    resting: Flags
+    marked: Numbers
+    chosen: Numbers
+    smooth: Numbers
+    pressing: Numbers
+    pressed: Vector
+    scaled: Vector
+    best_pressed: Vector
+    best_scaled: Vector
+    mismatch: Vector
+    held_normals: Matrix
+    held_normals_moved: Matrix
+    held_gradients: Matrix
+    held_gradients_moved: Matrix
+    report: Vector
+    ticks: Numbers
+
+
+class Tally(NamedTuple):
+    """Statistics as `deli.subproblems.stats.StepStats` shows them.
+
+    Attributes
+    ----------
+    counts : (5, 3) int64 array
+        Solves, skipped, iterations, rows and fallbacks, by subproblem.
+    times : (2, 3) array
+    residuals : (3, 3) array
+    status : (3,) int64 array
+    contacts : (3,) int64 array
+        Smooth contacts of the last step, reflected contacts since the last reset, programs solved natively ever.
+    """
+
+    counts: Annotated[NDArray[np.int64], 2]
+    times: Matrix
+    residuals: Matrix
+    status: Numbers
+    contacts: Numbers
+
+
+class Machine(NamedTuple):
+    """All that the kernels of one scene and method share."""
+
+    system: System
+    method: Method
+    work: Work
+    islands: Islands
+    program: Program
+    mail: Mail
+    hooks: Hooks
+    tally: Tally
+
+
+MACHINE = RecordType(Machine)
+PROGRAM = RecordType(Program)

@@ -1,0 +1,45 @@
+"""Counting what a step costs."""
+
+import math
+
+from deli.kernels.compiled import kernel
+from deli.kernels.system import Tally
+
+SKIPPED, SOLVED, UNUSED = 0, 1, 4
+
+
+@kernel
+def note(tally: Tally, subproblem: int, status: int) -> None:
+    """Keep the worse status: not used, skipped, solved."""
+    if tally.status[subproblem] == UNUSED or (tally.status[subproblem] == SKIPPED and status == SOLVED):
+        tally.status[subproblem] = status
+
+
+@kernel
+def skip(tally: Tally, subproblem: int) -> None:
+    """Count a subproblem that needed no solver."""
+    tally.counts[1, subproblem] += 1
+    note(tally, subproblem, SKIPPED)
+
+
+@kernel
+def measure(tally: Tally, subproblem: int, primal: float, dual: float, complementarity: float) -> None:
+    """Keep the largest residuals since the last reset."""
+    for k, residual in enumerate((primal, dual, complementarity)):
+        known = tally.residuals[k, subproblem]
+        if not (known >= residual):
+            tally.residuals[k, subproblem] = residual
+
+
+@kernel
+def reset(tally: Tally) -> None:
+    """Forget everything but the size of the smooth set."""
+    for subproblem in range(tally.status.size):
+        for k in range(5):
+            tally.counts[k, subproblem] = 0
+        for k in range(2):
+            tally.times[k, subproblem] = 0.0
+        for k in range(3):
+            tally.residuals[k, subproblem] = math.nan
+        tally.status[subproblem] = UNUSED
+    tally.contacts[1] = 0
