@@ -8,13 +8,15 @@ from __future__ import annotations
 import abc
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from operator import is_
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from deli.errors import InputError
-from deli.mechanics.arrays import Array, Indices, body_indices, broadcast, one_vector_each, real_array
+from deli.mechanics.arrays import Array, Indices, body_indices, broadcast, frozen, one_vector_each, real_array
 from deli.mechanics.family import ArrayFamily, Family, Invariance, Layout, chosen_bodies, common_invariance
 from deli.mechanics.tables import PLANE, Rows, make_rows, other_rows, stacked
 
@@ -163,9 +165,12 @@ class ConstraintStack(ConstraintFamily):
         return f"ConstraintStack({list(self.families)})"
 
     def bind(self, layout: Layout) -> Self:
-        """Return the stack with every family bound to ``layout``."""
-        bound = type(self)([family.bind(layout) for family in self.families], layout)
-        bound.rows_table()  # refuses families that do not fit together
+        """Return a stack with every family bound to ``layout``, or the stack itself if they are so already."""
+        families = [family.bind(layout) for family in self.families]
+        if self.layout is not None and all(map(is_, families, self.families)) and not self.layout.differs(layout):
+            return self
+        bound = type(self)(families, layout)
+        _ = bound.table  # refuses families that do not fit together
         return bound
 
     def value(self, q: Array) -> Array:
@@ -191,9 +196,14 @@ class ConstraintStack(ConstraintFamily):
 
         Rows of families that have no table are of kind `OTHER`, numbered from 0 through the whole stack.
         """
+        return Rows._make(column.copy() for column in self.table)
+
+    @cached_property
+    def table(self) -> Rows:
+        """What `rows_table` returns, read-only and shared."""
         dimension = self._bound.dimension
         tables = (family.rows_table() or other_rows(family.rows, dimension) for family in self.families)
-        return stacked(list(tables), dimension)
+        return Rows._make(map(frozen, stacked(list(tables), dimension)))
 
     def neighbours(self, q: Array, reach: float) -> Rows:
         """Return the table of all fixed rows, followed by the rows that searched families find.
@@ -206,9 +216,9 @@ class ConstraintStack(ConstraintFamily):
             A length: searched families find the pairs whose value is at most this.
         """
         found = [family.neighbours(q, reach) for family in self.searched_families]
-        return stacked([self.rows_table(), *found], self._bound.dimension)
+        return stacked([self.table, *found], self._bound.dimension)
 
-    @property
+    @cached_property
     def others(self) -> tuple[ConstraintFamily, ...]:
         """The families without a table, whose rows are of kind `OTHER`."""
         return tuple(family for family in self.families if family.rows_table() is None)

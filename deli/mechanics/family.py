@@ -44,6 +44,12 @@ class Layout:
         """Number of bodies, dof / dimension."""
         return self.mass.size // self.dimension
 
+    def differs(self, other: Layout) -> bool:
+        """Whether dimension, bodies or masses are not those of ``other``; positions do not matter."""
+        if self.mass is other.mass:
+            return self.dimension != other.dimension
+        return self.dimension != other.dimension or not np.array_equal(self.mass, other.mass)
+
 
 @dataclasses.dataclass(frozen=True)
 class Invariance:
@@ -103,7 +109,7 @@ class Family(abc.ABC):
 
     @abc.abstractmethod
     def bind(self, layout: Layout) -> Self:
-        """Return a copy made ready for ``layout``; a family already bound is bound anew."""
+        """Return a family made ready for ``layout``; one already bound is bound anew where that matters."""
 
     @abc.abstractmethod
     def invariance(self) -> Invariance:
@@ -112,7 +118,10 @@ class Family(abc.ABC):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ArrayFamily(Family):
-    """A family that is a dataclass of arrays; ``_prepare`` derives what its formulas need from the layout."""
+    """A family that is a dataclass of arrays; ``_prepare`` derives what its formulas need from the layout.
+
+    Layouts that differ only in their position share a bound family, so what is derived must not depend on it.
+    """
 
     layout: Layout | None = dataclasses.field(default=None, kw_only=True, repr=False)
 
@@ -130,7 +139,9 @@ class ArrayFamily(Family):
         """Check the fields against the layout and precompute."""
 
     def bind(self, layout: Layout) -> Self:
-        """Return a copy made ready for ``layout``; a family already bound is bound anew."""
+        """Return a copy made ready for ``layout``, or the family itself if it is so already."""
+        if self.layout is not None and not self.layout.differs(layout):
+            return self
         return dataclasses.replace(self, layout=layout)
 
     @property

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from deli.errors import InputError
 from deli.mechanics.arrays import Array
-from deli.mechanics.constraints import ConstraintStack
+from deli.mechanics.constraints import ConstraintFamily, ConstraintStack
 from deli.mechanics.potential_sum import PotentialSum
-from deli.mechanics.tables import Rows, table_norms, table_rates, table_values
+from deli.mechanics.tables import table_norms, table_rates, table_values
 
 
 def check_potential(potential: PotentialSum, q: Array) -> None:
@@ -37,6 +39,8 @@ def check_position(side: str, stack: ConstraintStack, q: Array, distance: float)
     distance
         By how far bodies may be out of place; a value may miss by this times the length of its gradient.
     """
+    if not stack.families:
+        return
     value, norm = _values(stack, q)
     allowed = distance * norm
     miss = (-value if side == "unilateral" else np.abs(value)) - allowed
@@ -57,6 +61,8 @@ def check_position(side: str, stack: ConstraintStack, q: Array, distance: float)
 
 def check_momentum(stack: ConstraintStack, q: Array, v: Array, tolerance: float) -> None:
     """Refuse a velocity at which a bilateral constraint changes, relative to its gradient and to |v|."""
+    if not stack.families:
+        return
     rate, norm = _rates(stack, q, v)
     allowed = tolerance * norm * np.hypot.reduce(v)  # the norm of tiny velocities, which squared would be zero
     if (np.abs(rate) > allowed).any():
@@ -79,27 +85,29 @@ def _missed(side: str, named: str, value: float, allowed: float) -> str:
 
 def _values(stack: ConstraintStack, q: Array) -> tuple[Array, Array]:
     """Return value and length of the gradient of each fixed row; only functions make a jacobian."""
-    parts = [np.zeros((2, 0))]
-    for family in stack.families:
-        rows: Rows | None = family.rows_table()
-        with np.errstate(all="ignore"):
-            if rows is not None:
-                parts.append(np.stack([table_values(rows, q), table_norms(rows, q)]))
-            else:
-                parts.append(np.stack([family.value(q), np.linalg.norm(family.jacobian(q), axis=1)]))
-    value, norm = np.concatenate(parts, axis=1)
+    rows = stack.table
+    with np.errstate(all="ignore"):
+        value, norm = table_values(rows, q), table_norms(rows, q)
+        for family, place in _other_rows(stack):
+            value[place] = family.value(q)
+            norm[place] = np.linalg.norm(family.jacobian(q), axis=1)
     return value, norm
 
 
 def _rates(stack: ConstraintStack, q: Array, v: Array) -> tuple[Array, Array]:
     """Return rate of change and length of the gradient of each fixed row."""
-    parts = [np.zeros((2, 0))]
-    for family in stack.families:
-        rows = family.rows_table()
-        if rows is not None:
-            parts.append(np.stack([table_rates(rows, q, v), table_norms(rows, q)]))
-        else:
-            jacobian = family.jacobian(q)
-            parts.append(np.stack([jacobian @ v, np.linalg.norm(jacobian, axis=1)]))
-    rate, norm = np.concatenate(parts, axis=1)
+    rows = stack.table
+    rate, norm = table_rates(rows, q, v), table_norms(rows, q)
+    for family, place in _other_rows(stack):
+        jacobian = family.jacobian(q)
+        rate[place], norm[place] = jacobian @ v, np.linalg.norm(jacobian, axis=1)
     return rate, norm
+
+
+def _other_rows(stack: ConstraintStack) -> Iterator[tuple[ConstraintFamily, slice]]:
+    """Families of functions, each with the places of its rows in the stack."""
+    begin = 0
+    for family in stack.families:
+        if family in stack.others:
+            yield family, slice(begin, begin + family.rows)
+        begin += family.rows

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
+from operator import is_
 from typing import Any, Self
 
 import numpy as np
 
-from deli.mechanics.arrays import Array
+from deli.mechanics.arrays import Array, frozen
 from deli.mechanics.family import Invariance, Layout, common_invariance
 from deli.mechanics.potentials import PotentialFamily
 from deli.mechanics.tables import Terms, summed
@@ -34,8 +36,11 @@ class PotentialSum(PotentialFamily):
         return f"PotentialSum({list(self.families)})"
 
     def bind(self, layout: Layout) -> Self:
-        """Return the sum with every potential bound to ``layout``."""
-        return type(self)([family.bind(layout) for family in self.families], layout)
+        """Return a sum with every potential bound to ``layout``, or the sum itself if they are so already."""
+        families = [family.bind(layout) for family in self.families]
+        if self.layout is not None and all(map(is_, families, self.families)) and not self.layout.differs(layout):
+            return self
+        return type(self)(families, layout)
 
     def energy(self, q: Array) -> Any:
         """Return V, shape (...,), of configurations of shape (..., dof)."""
@@ -73,12 +78,18 @@ class PotentialSum(PotentialFamily):
 
     def terms_table(self) -> Terms:
         """Return the terms of all potentials that have a table; `others` are those that have none."""
+        return Terms._make(column.copy() for column in self.table)
+
+    @cached_property
+    def table(self) -> Terms:
+        """What `terms_table` returns, read-only and shared."""
         if self.layout is None:
             raise AttributeError("not bound to a scene yet: pass it to deli.Scene(...), or call .bind(layout)")
         tables = [family.terms_table() for family in self.families]
-        return summed([table for table in tables if table is not None], self.layout.dof, self.layout.dimension)
+        known = [table for table in tables if table is not None]
+        return Terms._make(map(frozen, summed(known, self.layout.dof, self.layout.dimension)))
 
-    @property
+    @cached_property
     def others(self) -> tuple[PotentialFamily, ...]:
         """The potentials without a table."""
         return tuple(family for family in self.families if family.terms_table() is None)

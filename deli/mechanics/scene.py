@@ -89,9 +89,9 @@ class Scene:
         layout = Layout(int(dimension), _masses(mass, q.size // dimension, dimension), q)
         self._set(mass=layout.mass, position=q, momentum=p, dimension=layout.dimension)
         self._set(name=str(name), parameters=dict(parameters or {}))
-        self._set(potential=PotentialSum(_families("potential", potential, PotentialFamily)).bind(layout))
-        self._set(unilateral=ConstraintStack(_families("unilateral", unilateral, ConstraintFamily)).bind(layout))
-        self._set(bilateral=ConstraintStack(_families("bilateral", bilateral, ConstraintFamily)).bind(layout))
+        self._set(potential=_joined("potential", potential, PotentialFamily, PotentialSum).bind(layout))
+        self._set(unilateral=_joined("unilateral", unilateral, ConstraintFamily, ConstraintStack).bind(layout))
+        self._set(bilateral=_joined("bilateral", bilateral, ConstraintFamily, ConstraintStack).bind(layout))
         check_potential(self.potential, q)
         check_position("unilateral", self.unilateral, q, TOLERANCE * self.length_scale)
         check_position("bilateral", self.bilateral, q, TOLERANCE * self.length_scale)
@@ -147,11 +147,11 @@ def _masses(value: ArrayLike, bodies: int, dimension: int) -> Array:
     )
 
 
-def _families(name: str, value: Any, kind: type[Any]) -> list[Any]:
+def _joined(name: str, value: Any, kind: type[Any], join: type[Any]) -> Any:
+    if isinstance(value, join):
+        return value
     if value is None:
-        return []
-    if isinstance(value, PotentialSum | ConstraintStack) and isinstance(value, kind):
-        return list(value.families)
+        return join()
     listed = list(value) if isinstance(value, list | tuple) else [value]
     for family in listed:
         if not isinstance(family, kind):
@@ -159,4 +159,4 @@ def _families(name: str, value: Any, kind: type[Any]) -> list[Any]:
             raise InputError(
                 f"{name}: found {family!r}; pass a family such as {plain} for plain functions, a list of them, or None"
             )
-    return listed
+    return join(listed)

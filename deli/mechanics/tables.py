@@ -148,8 +148,10 @@ def table_values(rows: Rows, q: Array) -> Array:
     bodies = q.reshape(-1, rows.vector.shape[1])
     values = np.full(rows.kind.size, np.nan)
     plane, apart = rows.kind == PLANE, _measures_distance(rows)
-    values[plane] = np.vecdot(rows.vector[plane], bodies[rows.first[plane]]) - rows.target[plane]
-    values[apart] = rows.sign[apart] * (lengths(_separations(rows, bodies, apart)) - rows.target[apart])
+    if plane.any():
+        values[plane] = np.vecdot(rows.vector[plane], bodies[rows.first[plane]]) - rows.target[plane]
+    if apart.any():
+        values[apart] = rows.sign[apart] * (lengths(_separations(rows, bodies, apart)) - rows.target[apart])
     return values
 
 
@@ -174,6 +176,8 @@ def table_norms(rows: Rows, q: Array) -> Array:
     norms = np.full(rows.kind.size, np.nan)
     plane, apart = rows.kind == PLANE, _measures_distance(rows)
     norms[plane] = lengths(rows.vector[plane])
+    if not apart.any():
+        return norms
     distinct = _separations(rows, bodies, apart).any(axis=1)
     norms[apart] = np.where(distinct, np.where(rows.kind[apart] == PAIR, np.sqrt(2.0), 1.0), 0.0)
     return norms
