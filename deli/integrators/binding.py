@@ -1,14 +1,18 @@
 """A scene bound to a method: the arrays that kernels read, and those they work in."""
 
 import ctypes
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
 
 import numpy as np
 
 from deli.errors import InputError
-from deli.kernels.system import Islands, Mail, Method, Program, System, Work
+from deli.kernels.record import Records
+from deli.kernels.system import MACHINE, Islands, Mail, Method, Program, System, Work
 from deli.mechanics.scene import Scene
 from deli.mechanics.schemes import Scheme
-from deli.mechanics.tables import OTHER, PLANE, Rows
+from deli.mechanics.tables import OTHER, PLANE, Rows, Terms
 from deli.subproblems.choices import SUBPROBLEMS, SolverChoice
 from deli.subproblems.reflection import OPERATORS
 
@@ -21,7 +25,7 @@ _LARGEST_HESSIAN = 3000
 def bind_system(scene: Scene, scheme: Scheme) -> System:
     """Return the scene's arrays; where rows are searched, none of those are there yet."""
     potential, unilateral, bilateral = scene.potential, scene.unilateral, scene.bilateral
-    free, held = unilateral.rows_table(), bilateral.rows_table()
+    free, held = unilateral.table, bilateral.table
     other_unilateral = sum(family.rows for family in unilateral.others)
     other_bilateral = sum(family.rows for family in bilateral.others)
     curved, known = _curvature(scene)
@@ -35,7 +39,7 @@ def bind_system(scene: Scene, scheme: Scheme) -> System:
         bilateral=held,
         gap_scale=scene.length_scale * _sizes(scene, unilateral, free),
         bilateral_scale=scene.length_scale * _sizes(scene, bilateral, held),
-        terms=potential.terms_table(),
+        terms=potential.table,
         component=_components(scene.bodies, held),
         length=scene.length_scale,
         constant=constant,
@@ -50,6 +54,39 @@ def bind_system(scene: Scene, scheme: Scheme) -> System:
     )
 
 
+def shape_of(scene: Scene) -> tuple[int, ...] | None:
+    """Sizes that scenes have in common which steppers can switch between by `bind_systems`; None where none can."""
+    potential, unilateral, bilateral = scene.potential, scene.unilateral, scene.bilateral
+    if unilateral.searched or potential.others or unilateral.others or bilateral.others:
+        return None
+    terms = potential.table
+    return unilateral.table.kind.size, bilateral.table.kind.size, terms.kind.size, terms.body.size
+
+
+def bind_systems(scenes: Sequence[Scene], scheme: Scheme) -> Records:
+    """Return the arrays of scenes of one shape, the same to the bit as `bind_system` returns for each."""
+    length = np.array([scene.length_scale for scene in scenes])
+    mass = _column([scene.mass for scene in scenes])
+    free, held = (
+        _columns([getattr(scene, side).table for scene in scenes], Rows) for side in ("unilateral", "bilateral")
+    )
+    components = [_components(scenes[0].bodies, Rows._make(column[k] for column in held)) for k in range(len(held.kind))]
+    system = bind_system(scenes[0], scheme)._replace(
+        mass=mass,
+        inverse=1.0 / mass,
+        root=np.sqrt(mass),
+        unilateral=free,
+        bilateral=held,
+        gap_scale=length[:, np.newaxis] * _plane_sizes(free),
+        bilateral_scale=length[:, np.newaxis] * _plane_sizes(held),
+        terms=_columns([scene.potential.table for scene in scenes], Terms),
+        component=_column(components),
+        length=length,
+        reference=np.zeros((1, 0)),
+    )
+    return Records(MACHINE.nested["system"], system, len(scenes))
+
+
 def search(
     system: System, scene: Scene, position: np.ndarray, momentum: np.ndarray, step_size: float, factor: float
 ) -> System:
@@ -62,9 +99,9 @@ def search(
     stride = 2.0 * step_size * speed
     reach = factor * max(4.0 * stride, min(_STEPS * stride, _FARTHEST * size), 1e-3 * size)
     rows = scene.unilateral.neighbours(position, reach)
-    fixed = scene.unilateral.rows_table().kind.size
+    fixed = scene.unilateral.table.kind.size
     sizes = np.ones(rows.kind.size)
-    sizes[:fixed] = _sizes(scene, scene.unilateral, scene.unilateral.rows_table())
+    sizes[:fixed] = _sizes(scene, scene.unilateral, scene.unilateral.table)
     return system._replace(
         unilateral=rows, gap_scale=scene.length_scale * sizes, reference=_plain(position), reach=reach
     )
@@ -145,6 +182,10 @@ def work_arrays(system: System) -> tuple[Work, Islands, Program]:
         y=np.zeros(all_rows),
         metric=np.zeros((curved, curved)),
         factor=np.zeros((curved, curved)),
+        white_start=np.zeros(all_rows + 1 if curved else 0, dtype=np.int64),
+        white_column=np.zeros(all_rows * curved, dtype=np.int64),
+        white_value=np.zeros(all_rows * curved),
+        report=np.zeros(4),
     )
     by_body = [np.zeros(bodies, dtype=np.int64) for _ in range(3)]
     islands = Islands(
@@ -175,6 +216,7 @@ def mail_arrays(system: System) -> Mail:
     )
 
 
+@cache
 def clock_address() -> int:
     """Address of the C library's ``clock_gettime``; 0 where there is none, and then compiled solves go untimed."""
     try:
@@ -191,7 +233,7 @@ def _plain(array: np.ndarray) -> np.ndarray:
 def _curvature(scene: Scene) -> tuple[bool, bool]:
     """Whether the potential has a hessian other than zero, and whether that hessian is known."""
     potential = scene.potential
-    terms = potential.terms_table()
+    terms = potential.table
     if not potential.others:
         return bool(terms.kind.size or terms.body.size), True
     hessian = potential.hessian(scene.position)
@@ -215,12 +257,34 @@ def _sizes(scene: Scene, stack: object, rows: Rows) -> np.ndarray:
     return sizes
 
 
+def _column(arrays: list[np.ndarray]) -> np.ndarray:
+    """The arrays one after the other along a new first axis; of one that all share, a view."""
+    first = arrays[0]
+    if all(array is first for array in arrays):
+        return first[np.newaxis]
+    return np.concatenate(arrays).reshape(len(arrays), *first.shape)
+
+
+def _columns(tables: list[Any], kind: Any) -> Any:
+    if all(table is tables[0] for table in tables):
+        return kind._make(column[np.newaxis] for column in tables[0])
+    return kind._make(_column(list(columns)) for columns in zip(*tables, strict=True))
+
+
+def _plane_sizes(rows: Rows) -> np.ndarray:
+    sizes = np.where(rows.kind == PLANE, np.linalg.norm(rows.vector, axis=-1), 1.0)
+    sizes[sizes == 0.0] = 1.0
+    return sizes
+
+
 def _components(bodies: int, held: Rows) -> np.ndarray:
     """Lowest body of each set of bodies that bilateral rows join."""
+    joined = held.second >= 0
+    if not joined.any():
+        return np.arange(bodies, dtype=np.int64)
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    joined = held.second >= 0
     first, second = held.first[joined], held.second[joined]
     graph = coo_array((np.ones(first.size), (first, second)), shape=(bodies, bodies))
     _, labels = connected_components(graph, directed=False)

@@ -16,8 +16,8 @@ _MONOTONIC = 1  # the clock that does not jump
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function at first use, for use in units, and keep the result on disk."""
-    dispatcher = njit(cache=True, nogil=True, error_model="numpy")(function)
+    """Compile a function for the units that call it, each of which absorbs it and is kept on disk as a whole."""
+    dispatcher = njit(nogil=True, error_model="numpy")(function)
     resolve = dispatcher.get_call_template
 
     def without_literals(arguments: Any, keywords: Any) -> Any:

@@ -23,9 +23,11 @@ from numba.extending import (
     unbox,
 )
 from numba.np.arrayobj import populate_array
+from numba.np.numpy_support import as_dtype
 
 _WORD = ir.IntType(64)
 _NUMBERS = {float: types.float64, int: types.int64, bool: types.boolean}
+_WORDS = {types.float64: np.float64, types.int64: np.int64, types.boolean: np.int64}
 
 
 class RecordType(types.Type):
@@ -40,6 +42,7 @@ class RecordType(types.Type):
     def __init__(self, schema: type) -> None:
         self.layout: dict[str, tuple[int, types.Type]] = {}
         self.nested: dict[str, RecordType] = {}
+        self.dtypes: dict[str, np.dtype[Any]] = {}
         offset = 0
         for name, hint in typing.get_type_hints(schema, include_extras=True).items():
             kind = _NUMBERS.get(hint)
@@ -47,8 +50,11 @@ class RecordType(types.Type):
                 kind = self.nested[name] = RecordType(hint)
             elif kind is None:
                 kind = _array(hint)
+            if isinstance(kind, types.Array):
+                self.dtypes[name] = as_dtype(kind.dtype)
             self.layout[name] = (offset, kind)
             offset += 1 + (kind.ndim if isinstance(kind, types.Array) else 0)
+        self.words = offset
         # Compiled code on disk is found by this name: it must change with the layout.
         super().__init__(name=f"{schema.__name__}_{zlib.crc32(repr(self.layout).encode()):08x}")
 
@@ -83,15 +89,12 @@ class Record:
                 value = Record(kind.nested[name], value)
                 words.append(value.address)
             elif isinstance(expected, types.Array):
-                if (
-                    from_dtype(value.dtype) != expected.dtype
-                    or value.ndim != expected.ndim
-                    or not value.flags.c_contiguous
-                ):
+                if value.dtype != kind.dtypes[name] or value.ndim != expected.ndim or not value.flags.c_contiguous:
                     raise TypeError(
                         f"{type(fields).__name__}.{name}: found {value.dtype}, {value.ndim}-D; not {expected}"
                     )
-                words.extend((value.ctypes.data, *value.shape))
+                words.append(value.__array_interface__["data"][0])  # quicker than value.ctypes.data
+                words.extend(value.shape)
             else:
                 number = np.float64(value) if expected == types.float64 else np.int64(value)
                 words.append(int(number.view(np.int64)))
@@ -100,6 +103,56 @@ class Record:
         self.address = int(self._block.ctypes.data)
         self.kind = kind
         self.fields = fields
+
+    def point(self, name: str, address: int) -> None:
+        """Put the record at `address` in the place of a nested one; the caller keeps it alive."""
+        self._block[self.kind.layout[name][0]] = address
+
+
+class Records:
+    """Many records of one kind, as views of arrays that have the record's number as their first axis.
+
+    Parameters
+    ----------
+    kind : RecordType
+    fields : NamedTuple
+        As for `Record`, each field with one more axis in front, of length `count`, or 1 where all share the value;
+        numbers may be plain ones.
+    count : int
+
+    Attributes
+    ----------
+    addresses : list of int
+        Where each record begins.
+    """
+
+    def __init__(self, kind: RecordType, fields: Any, count: int) -> None:
+        self._kind, self._fields, self._kept = kind, fields, []
+        number = np.arange(count)
+        block = self._block = np.zeros((count, kind.words), dtype=np.int64)
+        for name, value in zip(fields._fields, fields, strict=True):
+            offset, expected = kind.layout[name]
+            if name in kind.nested:
+                nested = Records(kind.nested[name], value, count)
+                self._kept.append(nested)
+                block[:, offset] = nested.addresses
+            elif isinstance(expected, types.Array):
+                if value.dtype != kind.dtypes[name] or value.ndim != expected.ndim + 1 or not value.flags.c_contiguous:
+                    raise TypeError(f"{type(fields).__name__}.{name}: found {value.dtype}, {value.ndim}-D")
+                block[:, offset] = value.__array_interface__["data"][0]
+                if len(value) > 1:
+                    block[:, offset] += number * value.strides[0]
+                block[:, offset + 1 : offset + value.ndim] = value.shape[1:]
+            else:
+                block[:, offset] = np.asarray(value, _WORDS[expected]).view(np.int64)
+        self.addresses: list[int] = (block.ctypes.data + number * block.strides[0]).tolist()
+
+    def __getitem__(self, number: int) -> Record:
+        record = Record.__new__(Record)
+        record._block, record._kept, record.kind = self._block[number], [self], self._kind
+        record.address = self.addresses[number]
+        record.fields = type(self._fields)._make(value[number] for value in self._fields)
+        return record
 
 
 @register_model(RecordType)

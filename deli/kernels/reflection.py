@@ -6,10 +6,11 @@ import numpy as np
 from numba import types
 
 from deli.kernels.compiled import kernel, unit
+from deli.kernels.dense import backward, factorize, forward
 from deli.kernels.forces import hessian
 from deli.kernels.islands import connect
 from deli.kernels.rows import push, rate, weight
-from deli.kernels.solve import append, backward, factorize, forward, solve
+from deli.kernels.solve import append, solve
 from deli.kernels.system import (
     DONE,
     INDEFINITE,

@@ -3,16 +3,15 @@
 import math
 
 import numpy as np
-from numba import types
+from numba import njit, types
 
 from deli.kernels.compiled import call, kernel, seconds, unit
+from deli.kernels.native import project_program
 from deli.kernels.system import DONE, MACHINE, RAISED, Machine, Program
 from deli.kernels.tally import SOLVED, measure, note
 from deli.mechanics.tables import OTHER, Rows
-from solvers.native import project_within, residuals
 
 _SATISFIED = 1e-15  # scaled velocity along an equality row that is rounding already
-_LARGEST = 400  # rows that press at once, beyond which a sparse solver is faster
 _DEPENDENT = 1e-7  # part of a unit row outside the span of the rows before it, below which it adds nothing
 NEWTON = 8  # added to a subproblem's number where the program has a metric
 
@@ -67,85 +66,31 @@ def along(program: Program, row: int, z: np.ndarray) -> float:
 
 
 @kernel
-def factorize(matrix: np.ndarray, size: int, factor: np.ndarray) -> bool:
-    """Lower Cholesky factor; False where the matrix is not positive definite."""
-    for i in range(size):
-        for j in range(i + 1):
-            total = matrix[i, j]
-            for k in range(j):
-                total -= factor[i, k] * factor[j, k]
-            if i > j:
-                factor[i, j] = total / factor[j, j]
-            elif total > 0.0:
-                factor[i, i] = math.sqrt(total)
-            else:
-                return False
-    return True
-
-
-@kernel
-def forward(factor: np.ndarray, size: int, x: np.ndarray) -> None:
-    """Overwrite x with L⁻¹x."""
-    for i in range(size):
-        total = x[i]
-        for k in range(i):
-            total -= factor[i, k] * x[k]
-        x[i] = total / factor[i, i]
-
-
-@kernel
-def backward(factor: np.ndarray, size: int, x: np.ndarray) -> None:
-    """Overwrite x with L⁻ᵀx."""
-    for i in range(size - 1, -1, -1):
-        total = x[i]
-        for k in range(i + 1, size):
-            total -= factor[k, i] * x[k]
-        x[i] = total / factor[i, i]
-
-
-@kernel
 def _solve_native(
     machine: Machine, subproblem: int, size: int, equalities: int, rows: int, newton: bool, linear: bool
 ) -> bool:
     """Solve the program at hand by compiled code; say whether the answer is good."""
     method, program, hooks, tally = machine.method, machine.program, machine.hooks, machine.tally
-    wish, bounds, z, y = program.wish, program.bounds, program.z, program.y
+    wish, z, y = program.wish, program.z, program.y
     began = seconds(hooks.clock, machine.work.ticks)
-    start, column, value = program.start, program.column, program.value
-    if newton:
-        # In coordinates Lᵀz, with A = L Lᵀ, the metric is the identity.
-        start, column, value = _whiten(program, size, rows)
-    elif equalities == rows and _satisfied(program, rows):
+    if not newton and equalities == rows and _satisfied(program, rows):
         for k in range(size):
             z[k] = wish[k]
         for row in range(rows):
             y[row] = 0.0
         return True
-    status, iterations = project_within(
-        start, column, value, bounds[:rows], equalities, wish[:size], method.tolerance[subproblem], _LARGEST,
-        100 + 20 * (rows + size), z[:size], y[:rows],
-    )  # fmt: skip
+    good = project_program(program, size, equalities, rows, method.tolerance[subproblem], newton) == 1
     solved = seconds(hooks.clock, machine.work.ticks)
-    found = residuals(start, column, value, bounds[:rows], equalities, wish[:size], z[:size], y[:rows])
-    primal, dual, complementarity = found[0], found[1], found[2]
-    good = status == 0 and max(primal, dual, complementarity) <= method.tolerance[subproblem]
-    if newton:
-        backward(program.factor, size, z)
-        for row in range(rows):
-            y[row] /= program.lengths[rows + row]
-            bounds[row] *= program.lengths[rows + row]
-        if not good:
-            _unwhiten(program.factor, size, wish)
     if good and not linear:
         tally.counts[0, subproblem] += 1
         tally.contacts[2] += 1
-        tally.counts[2, subproblem] += iterations
+        tally.counts[2, subproblem] += int(program.report[0])
         tally.counts[3, subproblem] += rows
         tally.times[0, subproblem] += solved - began
         tally.times[1, subproblem] += seconds(hooks.clock, machine.work.ticks) - solved
         note(tally, subproblem, SOLVED)
         if subproblem != 1:
-            measure(tally, subproblem, primal, dual, complementarity)
+            measure(tally, subproblem, program.report[1], program.report[2], program.report[3])
     return good
 
 
@@ -155,44 +100,6 @@ def _satisfied(program: Program, rows: int) -> bool:
         if not abs(along(program, row, program.wish) - program.bounds[row]) <= _SATISFIED:
             return False
     return True
-
-
-@kernel
-def _whiten(program: Program, size: int, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Turn wish, bounds and rows to coordinates in which the metric is the identity, rows again of unit length."""
-    factor = program.factor
-    forward(factor, size, program.wish)
-    start = np.empty(rows + 1, dtype=np.int64)
-    start[0] = 0
-    column = np.empty(rows * size, dtype=np.int64)
-    value = np.zeros(rows * size)
-    for row in range(rows):
-        at = row * size
-        for k in range(program.start[row], program.start[row + 1]):
-            value[at + program.column[k]] = program.value[k]
-        image = value[at : at + size]
-        forward(factor, size, image)
-        square = 0.0
-        for k in range(size):
-            column[at + k] = k
-            square += image[k] * image[k]
-        length = math.sqrt(square) if square > 0.0 else 1.0
-        for k in range(size):
-            image[k] /= length
-        program.lengths[rows + row] = length
-        program.bounds[row] /= length
-        start[row + 1] = at + size
-    return start, column, value
-
-
-@kernel
-def _unwhiten(factor: np.ndarray, size: int, wish: np.ndarray) -> None:
-    """Overwrite wish with L wish."""
-    for i in range(size - 1, -1, -1):
-        total = 0.0
-        for k in range(i + 1):
-            total += factor[i, k] * wish[k]
-        wish[i] = total
 
 
 @unit(types.int64, MACHINE, *(types.int64,) * 4, types.boolean, types.boolean)
@@ -228,7 +135,7 @@ def solve(machine: Machine, subproblem: int, size: int, equalities: int, rows: i
     return code
 
 
-@kernel
+@njit(cache=True, nogil=True)
 def export(program: Program, equalities: int, rows: int, size: int, dense: np.ndarray, kept: np.ndarray) -> int:
     """Write the rows to `dense`, without equality rows that depend on those before them; return how many are left.
 

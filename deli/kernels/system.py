@@ -150,6 +150,10 @@ class Program(NamedTuple):
     y : (rows,) array
     metric, factor : (dof, dof) arrays
         A where it is not the identity, and its Cholesky factor; empty where the scene needs none.
+    white_start, white_column, white_value : arrays
+        R in coordinates in which A is the identity; empty likewise.
+    report : (4,) array
+        What the last native solve took: iterations, primal, dual and complementarity residual.
     """
 
     start: Numbers
@@ -162,6 +166,10 @@ class Program(NamedTuple):
     y: Vector
     metric: Matrix
     factor: Matrix
+    white_start: Numbers
+    white_column: Numbers
+    white_value: Vector
+    report: Vector
 
 
 class Mail(NamedTuple):
