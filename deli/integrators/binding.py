@@ -70,7 +70,9 @@ def bind_systems(scenes: Sequence[Scene], scheme: Scheme) -> Records:
     free, held = (
         _columns([getattr(scene, side).table for scene in scenes], Rows) for side in ("unilateral", "bilateral")
     )
-    components = [_components(scenes[0].bodies, Rows._make(column[k] for column in held)) for k in range(len(held.kind))]
+    components = [
+        _components(scenes[0].bodies, Rows._make(column[k] for column in held)) for k in range(len(held.kind))
+    ]
     system = bind_system(scenes[0], scheme)._replace(
         mass=mass,
         inverse=1.0 / mass,

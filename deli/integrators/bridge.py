@@ -7,6 +7,7 @@ import numpy as np
 
 from deli.integrators.binding import clock_address
 from deli.kernels import system as asked
+from deli.kernels.reflection import turn_numerical
 from deli.kernels.solve import NEWTON
 from deli.kernels.system import Hooks, Mail
 from deli.mechanics.constraints import ConstraintStack
@@ -30,9 +31,11 @@ class Bridge:
         Where user functions find q and leave their values.
     solvers : list of ProgramSolver
         By subproblem.
+    numerical : bool
+        Whether reflections conserve the numerical Hamiltonian.
     """
 
-    def __init__(self, scene: Scene, mail: Mail, solvers: list[ProgramSolver]) -> None:
+    def __init__(self, scene: Scene, mail: Mail, solvers: list[ProgramSolver], numerical: bool) -> None:
         self.raised: BaseException | None = None
         self._scene = scene
         self._mail = mail
@@ -51,7 +54,8 @@ class Bridge:
         # Kernels know these by their addresses: they live as long as the bridge.
         self._evaluate = _Function(self._answer)
         self._solve = _Function(self._answer_program)
-        self.hooks = Hooks(_address(self._evaluate), _address(self._solve), clock_address())
+        numerical_unit = turn_numerical.address if numerical else 0
+        self.hooks = Hooks(_address(self._evaluate), _address(self._solve), clock_address(), numerical_unit)
 
     def forget(self) -> BaseException | None:
         """Return what was raised since the last call."""

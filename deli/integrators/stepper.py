@@ -9,9 +9,10 @@ from deli.integrators.binding import bind_method, bind_system, mail_arrays, sear
 from deli.integrators.bridge import Bridge
 from deli.kernels import system as codes
 from deli.kernels.advance import advance, has_strayed, make_block, record_state
+from deli.kernels.build import ready
 from deli.kernels.record import Record
 from deli.kernels.step import reflect_touching, step
-from deli.kernels.system import MACHINE, Islands, Machine, Program
+from deli.kernels.system import MACHINE, Machine, Program
 from deli.mechanics.energies import reflection_metric
 from deli.mechanics.scene import Scene
 from deli.mechanics.schemes import get_scheme
@@ -64,6 +65,7 @@ class Stepper:
     ) -> None:
         if isinstance(step_size, bool) or not isinstance(step_size, (int, float)) or not 0 < step_size < np.inf:
             raise InputError(f"step_size is {step_size!r}; allowed: a finite number > 0.")
+        ready()
         slots = get_scheme(scheme)
         self.scene = scene
         self.step_size = float(step_size)
@@ -72,10 +74,7 @@ class Stepper:
         self.stats = StepStats()
         self._scheme = slots
         self._method = bind_method(slots, self.step_size, self.choices, skip, contact_tolerance, **method)
-        self._system = bind_system(scene, slots)
-        self._tries = 0
-        self._mail = mail_arrays(self._system)
-        self._work, islands, program = work_arrays(self._system)
+        program = self._bind_scene()
         models = (
             (reflection.model, reflection.numerical_model),
             (position.model, position.newton_model),
@@ -85,8 +84,30 @@ class Stepper:
             ProgramSolver(number, *pair, program, choice, self.stats, measured=number != codes.POSITION)
             for number, (pair, choice) in enumerate(zip(models, self.choices.values(), strict=True))
         ]
-        self._bridge = Bridge(scene, self._mail, self._solvers)
-        self._machine = self._bind(islands, program)
+        self._bridge = Bridge(scene, self._mail, self._solvers, self._method.numerical)
+        self._machine = self._bind(program)
+
+    def switch(self, scene: Scene, system: int | None = None) -> None:
+        """Step another scene of equal dof and dimension from now on, as if this were a new stepper.
+
+        Parameters
+        ----------
+        scene : Scene
+        system : int, optional
+            Address of the scene's record in `deli.integrators.binding.bind_systems`, which the caller keeps alive; for
+            a scene of the same shape as the one that the stepper was made for.
+        """
+        self.scene, self._tries = scene, 0
+        self.stats.reset()
+        self.stats.tally.contacts[0] = 0
+        if system is not None:
+            self._machine.point("system", system)
+            return
+        program = self._bind_scene()
+        for solver in self._solvers:
+            solver.bind(program)
+        self._bridge = Bridge(scene, self._mail, self._solvers, self._method.numerical)
+        self._machine = self._bind(program)
 
     @property
     def backends(self) -> set[str]:
@@ -185,8 +206,14 @@ class Stepper:
             except StepError as error:
                 return error
 
-    def _bind(self, islands: Islands, program: Program) -> Record:
-        parts = (self._system, self._method, self._work, islands, program, self._mail, self._bridge.hooks)
+    def _bind_scene(self) -> Program:
+        self._system, self._tries = bind_system(self.scene, self._scheme), 0
+        self._mail = mail_arrays(self._system)
+        self._work, self._islands, program = work_arrays(self._system)
+        return program
+
+    def _bind(self, program: Program) -> Record:
+        parts = (self._system, self._method, self._work, self._islands, program, self._mail, self._bridge.hooks)
         return Record(MACHINE, Machine(*parts, self.stats.tally))
 
     def _widen(self) -> None:
@@ -199,11 +226,11 @@ class Stepper:
     def _search(self, factor: float) -> None:
         q, p = self._work.q, self._work.p
         self._system = search(self._system, self.scene, q, p, self.step_size, factor)
-        self._work, islands, program = work_arrays(self._system)
+        self._work, self._islands, program = work_arrays(self._system)
         self._work.q[:], self._work.p[:] = q, p
         for solver in self._solvers:
             solver.bind(program)
-        self._machine = self._bind(islands, program)
+        self._machine = self._bind(program)
 
     def _raise(self, code: int) -> NoReturn:
         """Raise what a kernel's code means."""

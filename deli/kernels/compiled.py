@@ -2,6 +2,7 @@
 
 import ctypes
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -12,6 +13,7 @@ from numba.extending import intrinsic, models, register_model
 
 _WORD = ir.IntType(64)
 _C = {types.float64: ctypes.c_double, types.boolean: ctypes.c_bool}  # records are passed by address
+_NOWHERE = 1
 _MONOTONIC = 1  # the clock that does not jump
 
 
@@ -28,31 +30,58 @@ def kernel(function: Callable[..., Any]) -> Any:
     return dispatcher
 
 
-class Unit(types.ExternalFunction):
+class Unit(types.ExternalFunction):  # type: ignore[misc]
     """A compiled function that others call through its symbol, and Python, without the interpreter's lock, as it is.
 
-    Callers do not absorb it: its code is optimized once, and a change of it recompiles it alone.
+    Callers do not absorb it: its code is optimized once.
     """
 
-    def __init__(self, symbol: str, signature: Any, compiled: Any) -> None:
-        super().__init__(symbol, signature)
-        self._compiled = compiled
-        kinds = (signature.return_type, *signature.args)
-        self.call = ctypes.CFUNCTYPE(*(_C.get(kind, ctypes.c_int64) for kind in kinds))(compiled.address)
+    def __init__(self, function: Callable[..., Any], signature: Any) -> None:
+        super().__init__(f"{function.__module__}.{function.__name__}", signature)
+        self.function = function
+        self.compiled: Any = None
+
+    @property
+    def address(self) -> int:
+        """Where its code is."""
+        self.compile()
+        return int(self.compiled.address)
+
+    @cached_property
+    def call(self) -> Callable[..., Any]:
+        """The function for Python; records are passed by their addresses."""
+        self.compile()
+        kinds = [_C.get(kind, ctypes.c_int64) for kind in (self.sig.return_type, *self.sig.args)]
+        return ctypes.CFUNCTYPE(*kinds)(self.compiled.address)
+
+    def compile(self) -> None:
+        """Compile it, or load it from disk; the units it calls must be compiled."""
+        if self.compiled is None:
+            self.compiled = self.compile_to_disk()
+            llvm.add_symbol(self.symbol, self.compiled.address)
+
+    def compile_to_disk(self) -> Any:
+        """Compile it; the units it calls must be declared."""
+        return cfunc(self.sig, nopython=True, cache=True, error_model="numpy")(self.function)
+
+    def declare(self) -> None:
+        """Let units that call it be compiled, but not run, without it."""
+        if self.compiled is None:
+            llvm.add_symbol(self.symbol, _NOWHERE)
 
 
 register_model(Unit)(models.OpaqueModel)
 
+UNITS: dict[str, Unit] = {}
 
-def unit(result: types.Type, *arguments: types.Type) -> Callable[[Callable[..., Any]], Any]:
-    """Compile the decorated function now, or load it from disk."""
+
+def unit(result: types.Type, *arguments: types.Type) -> Callable[[Callable[..., Any]], Unit]:
+    """Make the decorated function a unit; one must be defined after those it calls."""
 
     def build(function: Callable[..., Any]) -> Unit:
-        signature = result(*arguments)
-        compiled = cfunc(signature, nopython=True, cache=True, error_model="numpy")(function)
-        symbol = f"{function.__module__}.{function.__name__}"
-        llvm.add_symbol(symbol, compiled.address)
-        return Unit(symbol, signature, compiled)
+        defined = Unit(function, result(*arguments))
+        UNITS[defined.symbol] = defined
+        return defined
 
     return build
 
@@ -66,6 +95,16 @@ def call(typing_context: Any, address: Any, one: Any, two: Any, three: Any, four
         return builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
 
     return types.int64(types.int64, types.int64, types.int64, types.int64, types.int64), generate
+
+
+@intrinsic
+def address_of(typing_context: Any, record: Any) -> Any:
+    """Address of a record."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return arguments[0]
+
+    return types.int64(record), generate
 
 
 @intrinsic

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import types
 
-from deli.kernels.compiled import kernel, unit
+from deli.kernels.compiled import address_of, call, kernel, unit
 from deli.kernels.dense import backward, factorize, forward
 from deli.kernels.forces import hessian
 from deli.kernels.islands import connect
@@ -175,8 +175,8 @@ def _invert(factor: np.ndarray, size: int, out: np.ndarray) -> None:
             out[j, i] = column[i]
 
 
-@unit(types.int64, MACHINE)
-def _turn_numerical(machine: Machine) -> int:
+@unit(types.int64, MACHINE, types.int64, types.int64, types.int64)
+def turn_numerical(machine: Machine, _one: int, _two: int, _three: int) -> int:
     """Add the impulse that conserves ½pᵀWp, W = M⁻¹ + c h² M⁻¹V″M⁻¹; nearly none where contacts graze.
 
     The program is posed in the metric A = W⁻¹ with gradients projected as in (7.7); with √M W √M = L Lᵀ it is
@@ -249,7 +249,7 @@ def _pass(machine: Machine, taken: int) -> int:
     groups = connect(machine, taken, False, system.coupled or numerical or not method.skip)
     for group in range(groups):
         if numerical:
-            code = _turn_numerical(machine)
+            code = call(machine.hooks.numerical, address_of(machine), 0, 0, 0)
         else:
             code = _turn(machine, group, 1.0)
         if code != DONE:

@@ -128,11 +128,14 @@ class Hooks(NamedTuple):
         ``solve(subproblem, size, equalities, rows)`` solves the program in `Program`.
     clock : int
         ``clock_gettime`` of the C library.
+    numerical : int
+        The unit `deli.kernels.reflection.turn_numerical`, which few runs need.
     """
 
     evaluate: int
     solve: int
     clock: int
+    numerical: int
 
 
 class Program(NamedTuple):

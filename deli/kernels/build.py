@@ -1,0 +1,85 @@
+"""Compile the units once for a machine, several at a time, and load them from disk from then on."""
+
+import hashlib
+import logging
+import os
+import subprocess
+import sys
+import threading
+from importlib.metadata import version
+from pathlib import Path
+
+import llvmlite.binding as llvm
+from numba.core.caching import FunctionCache
+
+from deli.kernels import advance, native, reflection, step
+from deli.kernels.compiled import UNITS, Unit
+from deli.mechanics import tables
+from solvers import native as solver
+
+logger = logging.getLogger("deli")
+
+# Units that few runs need: compiled when one does.
+_RARE = {unit.symbol for unit in (reflection.turn_numerical, step.reflect_touching, advance.has_strayed)}
+# Relative times to compile; others take about one.
+_COSTS = {native.project_program.symbol: 8, step.step.symbol: 7, advance.record_state.symbol: 4}
+_lock = threading.Lock()
+
+
+def ready() -> None:
+    """Compile all units that every run needs, or load them."""
+    with _lock:
+        wanted = [unit for symbol, unit in UNITS.items() if symbol not in _RARE and not unit.compiled]
+        if not wanted:
+            return
+        marker = _marker(wanted[0])
+        if not marker.exists():
+            logger.warning("compiling for this machine, which is done once and takes some ten seconds")
+            _build(wanted)
+        for unit in wanted:
+            unit.compile()
+        marker.touch()
+
+
+def _marker(unit: Unit) -> Path:
+    """The file that says that units of these sources are on disk."""
+    folders = [Path(__file__).parent, Path(solver.__file__).parent]
+    sources = [*sorted(folders[0].glob("*.py")), *sorted(folders[1].glob("native*.py")), Path(tables.__file__)]
+    digest = hashlib.sha256(b"".join(source.read_bytes() for source in sources))
+    digest.update(repr((sys.version, version("numba"), version("llvmlite"), llvm.get_host_cpu_name())).encode())
+    return Path(FunctionCache(unit.function).cache_path) / f"deli-{digest.hexdigest()[:16]}"
+
+
+def _build(units: list[Unit]) -> None:
+    """Compile units in as many processes as there are cores.
+
+    None in this one, where code that was linked to units that are merely declared would stay.
+    """
+    for unit in UNITS.values():  # numba knows a unit by its own file, not by the files of what it absorbs
+        FunctionCache(unit.function).flush()
+    count = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, 4)
+    shares: list[list[Unit]] = [[] for _ in range(count)]
+    for unit in sorted(units, key=_cost, reverse=True):
+        min(shares, key=lambda share: sum(map(_cost, share))).append(unit)
+    helpers = [
+        subprocess.Popen([sys.executable, "-c", _CODE.format(path=sys.path, symbols=[unit.symbol for unit in share])])
+        for share in shares
+        if share
+    ]
+    for helper in helpers:
+        helper.wait()  # what it could not compile is compiled here, where an error is seen
+
+
+_CODE = "import sys; sys.path[:] = {path!r}; from deli.kernels.build import compile_apart; compile_apart({symbols!r})"
+
+
+def compile_apart(symbols: list[str]) -> None:
+    """Put units on disk without the units that they call."""
+    for unit in UNITS.values():
+        unit.declare()
+    for symbol in symbols:
+        UNITS[symbol].compile_to_disk()
+
+
+def _cost(unit: Unit) -> int:
+    return _COSTS.get(unit.symbol, 1)
