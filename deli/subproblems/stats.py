@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from deli.kernels.system import Tally
 from deli.subproblems.choices import SUBPROBLEMS
 
 if TYPE_CHECKING:
@@ -37,6 +36,8 @@ class StepStats:
     """
 
     def __init__(self) -> None:
+        from deli.kernels.system import Tally  # loads the compiler, which the names above do without
+
         self.tally = Tally(
             np.zeros((len(COUNTS), len(SUBPROBLEMS)), dtype=np.int64),
             np.zeros((len(TIMES), len(SUBPROBLEMS))),
