@@ -2,6 +2,7 @@
 
 import logging
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +63,10 @@ class Session:
         except netcdf.RecordingError:
             raise
         except Exception as error:
-            self._finish(self._failure(f"{type(error).__name__}: {error}"))
+            outcome = self._failure(f"{type(error).__name__}: {error}")
+            with suppress(Exception):  # the function that raised may be the one that the row needs
+                self._record_last_good()
+            self._finish(outcome)
             raise
         run = self._finish(outcome)
         if outcome.startswith(INTERRUPTED):
