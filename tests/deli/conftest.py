@@ -8,19 +8,22 @@ from deli.integrators.stepper import Stepper
 @pytest.fixture
 def at_step(monkeypatch):
     """Make the steppers do something in place of their n-th step (and of every later one)."""
-    plain = Stepper.step
+    plain = Stepper.advance
 
     def install(number, action):
         calls = []
 
-        def step(self, q, p):
-            calls.append(None)
-            return plain(self, q, p) if len(calls) < number else action(lambda: plain(self, q, p))
+        def advance(self, block, steps, every, deadline):
+            def take():
+                return plain(self, block, steps, every, 0.0)  # a deadline long past: one step
 
-        monkeypatch.setattr(Stepper, "step", step)
+            calls.append(None)
+            return take() if len(calls) < number else action(take)
+
+        monkeypatch.setattr(Stepper, "advance", advance)
 
     def restore():
-        monkeypatch.setattr(Stepper, "step", plain)
+        monkeypatch.setattr(Stepper, "advance", plain)
 
     install.restore = restore
     return install

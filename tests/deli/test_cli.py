@@ -12,7 +12,6 @@ from running import DONE, INPUT_AT_FAULT, RUN_FAILED, SHORT, call, deli_process,
 
 import deli
 from deli.errors import StepError
-from deli.integrators.stepper import Stepper
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -37,8 +36,8 @@ class TestRun:
         assert call("run", "point_mass", *SHORT, "--plot", "ball.png").exit_code == DONE
         assert (folder / "ball.png").stat().st_size > 10_000
 
-    def test_dry_run_computes_and_writes_nothing(self, folder, monkeypatch):
-        monkeypatch.setattr(Stepper, "step", lambda self, q, p: pytest.fail("a step was taken"))
+    def test_dry_run_computes_and_writes_nothing(self, folder, at_step):
+        at_step(1, lambda take: pytest.fail("a step was taken"))
         result = call("run", "pogo_stick", "--dry-run", "--set", "solvers=osqp")
         assert result.exit_code == DONE
         for word in ("pogo_stick", "osqp", "10,001", "pogo_stick.nc"):
@@ -68,16 +67,8 @@ class TestRun:
         assert call("run", "point_mass", "--nonsense").exit_code == INPUT_AT_FAULT
         assert call("nonsense").exit_code == INPUT_AT_FAULT
 
-    def test_a_failed_run(self, folder, monkeypatch):
-        plain, calls = Stepper.step, []
-
-        def step(self, q, p):
-            calls.append(None)
-            if len(calls) > 5:
-                raise StepError("position: [/bold] the solver gave up")
-            return plain(self, q, p)
-
-        monkeypatch.setattr(Stepper, "step", step)
+    def test_a_failed_run(self, folder, at_step):
+        at_step(6, lambda take: StepError("position: [/bold] the solver gave up"))
         result = call("run", "point_mass", *SHORT, "--plot", "ball.png")
         assert result.exit_code == RUN_FAILED
         assert "failed in step 6" in result.stderr
@@ -88,11 +79,11 @@ class TestRun:
 
     @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
     def test_an_interrupted_run_resumes(self, folder, number):
-        arguments = ["run", "point_mass", "--set", "steps=60000", "--set", "record.every=10"]
+        arguments = ["run", "newtons_cradle", "--set", "steps=30000", "--set", "record.every=10"]
         process = deli_process(*arguments, cwd=folder)
         try:
             deadline = time.monotonic() + 60
-            while not (folder / "point_mass.nc.partial").exists():
+            while not (folder / "newtons_cradle.nc.partial").exists():
                 assert process.poll() is None, process.communicate()
                 assert time.monotonic() < deadline
                 time.sleep(0.02)
@@ -105,11 +96,11 @@ class TestRun:
         assert f"interrupted by {number.name}" in errors
         assert "resume to continue" in errors
         assert "Traceback" not in errors
-        count = deli.open_run(folder / "point_mass.nc.partial")["trajectory"].sizes["time"]
-        assert 1 < count < 6001
+        count = deli.open_run(folder / "newtons_cradle.nc.partial")["trajectory"].sizes["time"]
+        assert 1 < count < 3001
         assert call(*arguments, "--resume").exit_code == DONE
         assert call(*arguments, "-o", "full.nc").exit_code == DONE
-        resumed, full = deli.open_run("point_mass.nc"), deli.open_run("full.nc")
+        resumed, full = deli.open_run("newtons_cradle.nc"), deli.open_run("full.nc")
         xr.testing.assert_identical(resumed["trajectory"].to_dataset(), full["trajectory"].to_dataset())
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import deli
-from deli.errors import InputError
+from deli.errors import InputError, StepError
 from deli.plotting import shapes
 from deli.plotting.lines import BINS, POINTS, unit
 
@@ -69,14 +69,8 @@ def test_a_picture_is_written(recorded, tmp_path):
     assert width > height > 500
 
 
-def test_one_row_can_be_drawn(tmp_path, monkeypatch):
-    from deli.errors import StepError
-    from deli.integrators.stepper import Stepper
-
-    def fail(self, q, p):
-        raise StepError("position: no [/luck]")
-
-    monkeypatch.setattr(Stepper, "step", fail)
+def test_one_row_can_be_drawn(tmp_path, at_step):
+    at_step(1, lambda take: StepError("position: no [/luck]"))
     for scene in (deli.scenes.pogo_stick(), deli.scenes.newtons_cradle()):
         run = deli.simulate(scene, deli.GVI(), step_size=0.01, steps=5)
         assert run["trajectory"].sizes["time"] == 1

@@ -117,7 +117,6 @@ class TestOutput:
         refusals = []
 
         def meddle(take):
-            at_step.restore()
             for flags in ({"resume": True}, {"overwrite": True}):
                 with pytest.raises(InputError, match="is another run writing it") as refusal:
                     deli.simulate(scene, deli.GVI(), step_size=H, steps=3, output=path, **flags)
@@ -126,6 +125,7 @@ class TestOutput:
 
         at_step(2, meddle)
         run = deli.simulate(scene, deli.GVI(), step_size=H, steps=3, output=path)
+        at_step.restore()
         assert len(refusals) == 2 * 2  # both flags, in place of steps 2 and 3
         assert_same(run, deli.simulate(scene, deli.GVI(), step_size=H, steps=3))
 
