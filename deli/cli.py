@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from deli.commands.bench import bench
 from deli.commands.check import check
 from deli.commands.listing import backends, methods, scenes
 from deli.commands.plot import plot
@@ -16,7 +17,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (run, plot, check, scenes, methods, backends):
+for command in (run, plot, check, scenes, methods, backends, bench):
     app.command()(command)
 
 

@@ -1,0 +1,122 @@
+"""One case of `deli.bench.scaling`, in a process of its own: ``python -m deli.bench.scaling_case SCENE N SECONDS``."""
+
+import json
+import resource
+import sys
+import time
+from typing import Any
+
+import numpy as np
+
+import deli
+from deli.bench.part import Row
+from deli.kernels.advance import make_block
+from deli.mechanics import symmetry
+from deli.mechanics.scene import Scene
+from deli.scenes.registry import defaults, get
+
+EVERY, MOST_STEPS, WARM_UP = 10, 2000, 3
+_NUMBER = {
+    "hard_sphere_gas": "spheres",
+    "hard_rods": "rods",
+    "granular_chain": "beads",
+    "chain_on_cylinder": "masses",
+}
+
+
+def build(name: str, bodies: int) -> Scene:
+    """Return a scene of about so many bodies."""
+    if name == "disc_pile":
+        side = max(2, round(bodies**0.5))
+        return get(name)(rows=side, columns=side)
+    return get(name)(**{_NUMBER[name]: bodies})
+
+
+def measure(name: str, bodies: int, seconds: float) -> Row:
+    """Return the row of one case.
+
+    Parameters
+    ----------
+    name : str
+        Of the scene.
+    bodies : int
+    seconds : float
+        After which no further step is taken.
+    """
+    scene, usual = build(name, bodies), defaults(name)
+    stepper: Any = deli.GVI(scheme=usual["scheme"]).stepper(scene, usual["step_size"])
+    searching = _clocked(stepper, "_search")
+    block = make_block(MOST_STEPS // EVERY + 4, scene.dof, scene.dimension)
+    progress = block.fields.progress
+    stepper.place(scene.position, scene.momentum)
+    stepper.record(block)
+    error = stepper.advance(block, WARM_UP, EVERY, time.monotonic() + seconds)
+    warmed, searching[0] = int(progress[0]), 0.0
+    solved_before = _solver_seconds(block, stepper)
+    began = time.perf_counter()
+    if error is None and seconds > 0.0:
+        error = stepper.advance(block, MOST_STEPS, EVERY, time.monotonic() + seconds)
+    elapsed = time.perf_counter() - began
+    searched, solved = searching[0], _solver_seconds(block, stepper) - solved_before
+    steps = int(progress[0]) - warmed
+    peak = 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024.0 if sys.platform == "darwin" else 1.0)
+    if error is not None:
+        return {"failed": f"step {int(progress[0]) + 1}: {error}", "simulated": scene.bodies}
+    row: Row = {"simulated": scene.bodies, "peak": peak, "steps": steps}
+    if steps == 0:
+        return row
+    stepper.record(block)  # the last state counts for the errors, whatever its number
+    rows = int(progress[1])
+    recording = _recording_seconds(stepper, scene) * (steps // EVERY)
+    shares = {"search": searched, "solves": solved, "recording": recording}
+    row |= {f"share_{part}": value / elapsed for part, value in shares.items()}
+    row["share_kernels"] = max(0.0, 1.0 - sum(shares.values()) / elapsed)
+    row |= {"us_per_step": 1e6 * elapsed / steps, "us_per_body": 1e6 * elapsed / steps / scene.bodies}
+    return row | _errors(scene, block.fields.diagnostics[:rows], block.fields.momentum[:rows])
+
+
+def _clocked(stepper: Any, name: str) -> list[float]:
+    """Sum up the seconds spent in a method of `stepper`."""
+    method, total = getattr(stepper, name), [0.0]
+
+    def timed(*arguments: Any) -> Any:
+        began = time.perf_counter()
+        try:
+            return method(*arguments)
+        finally:
+            total[0] += time.perf_counter() - began
+
+    setattr(stepper, name, timed)
+    return total
+
+
+def _solver_seconds(block: Any, stepper: Any) -> float:
+    rows = int(block.fields.progress[1])
+    return float(block.fields.times[:rows].sum() + stepper.stats.tally.times.sum())
+
+
+def _recording_seconds(stepper: Any, scene: Scene) -> float:
+    """Seconds that writing a row takes, the gaps included."""
+    scratch, times = make_block(5, scene.dof, scene.dimension), []
+    for _ in range(5):
+        began = time.perf_counter()
+        stepper.record(scratch)
+        times.append(time.perf_counter() - began)
+    return float(np.median(times))
+
+
+def _errors(scene: Scene, diagnostics: np.ndarray, momentum: np.ndarray) -> Row:
+    """Largest errors of all rows, of energy and momentum relative to what there is of them."""
+    energy = diagnostics[:, 0] + diagnostics[:, 1]
+    size = max(abs(energy[0]), float(diagnostics[:, 0].max()))
+    kept = np.flatnonzero(symmetry.conserved(scene).linear)
+    row: Row = {"energy_error": float(np.abs(energy - energy[0]).max()) / size}
+    if kept.size:
+        total = diagnostics[:, 4 + kept]
+        row["momentum_error"] = float(np.abs(total - total[0]).max() / np.abs(momentum).sum(axis=1).max())
+    row["gap_min"] = float(diagnostics[:, 2].min())
+    return row
+
+
+if __name__ == "__main__":
+    print(json.dumps(measure(sys.argv[1], int(sys.argv[2]), float(sys.argv[3]))))

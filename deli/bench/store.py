@@ -1,0 +1,90 @@
+"""Results in a file: by part, each with its date, the versions and the machine."""
+
+import json
+import math
+import os
+import platform
+from pathlib import Path
+from typing import Any
+
+from deli.bench.part import Row
+from deli.errors import InputError
+from deli.recording import provenance
+
+FORMAT = 1
+_PACKAGES = ("deli", "numpy", "scipy", "numba", "cvxpy", "clarabel", "osqp", "daqp", "piqp")
+
+Results = dict[str, dict[str, Any]]
+"""By part: ``date``, ``versions``, ``machine``, ``quick`` and ``rows``."""
+
+
+def entry(rows: list[Row], quick: bool) -> dict[str, Any]:
+    """Return rows of a part with where and when they were measured."""
+    return {
+        "date": provenance.now(),
+        "versions": {"python": platform.python_version(), **{name: provenance.version(name) for name in _PACKAGES}},
+        "machine": machine(),
+        "quick": quick,
+        "rows": rows,
+    }
+
+
+def machine() -> dict[str, Any]:
+    """Return what is known of this machine."""
+    return {"platform": platform.platform(), "processor": _processor(), "cores": cores()}
+
+
+def cores() -> int:
+    """Return the number of cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def read(path: Path) -> Results:
+    """Return the results in a file.
+
+    Raises
+    ------
+    InputError
+        If it holds none.
+    """
+    try:
+        content = json.loads(path.read_text())
+        form, parts = content["format"], dict(content["parts"])
+        for part in parts.values():
+            part["rows"] = [dict(row) for row in part["rows"]]
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{path} holds no results of `deli bench`.") from error
+    if form != FORMAT:
+        raise InputError(f"{path}: found format {form!r}; this version reads format {FORMAT}.")
+    return parts
+
+
+def write(path: Path, parts: Results) -> None:
+    """Replace the results in a file."""
+    text = json.dumps({"format": FORMAT, "parts": _finite(parts)}, indent=1)
+    partial = path.with_name(f"{path.name}.partial")
+    try:
+        partial.write_text(f"{text}\n")
+        partial.replace(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}.") from error
+
+
+def _finite(value: Any) -> Any:
+    """Replace what JSON has no word for by null."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    names = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.processor() or platform.machine())

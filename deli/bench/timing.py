@@ -1,0 +1,191 @@
+"""Timing steps the way a run takes them: many at once, rows recorded and handed on."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+import deli
+from deli.mechanics.scene import Scene
+from deli.recording.recorder import Recorder
+from deli.running.plan import make_plan
+from deli.running.session import REFRESH_SECONDS
+from deli.scenes.registry import defaults, get
+
+EVERY = 10
+_CALIBRATION_SECONDS = 0.02
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene and how it is stepped.
+
+    Parameters
+    ----------
+    label : str
+    scene : str
+        A scene's name; it runs with its own step size and scheme.
+    parameters : mapping
+        Of the scene.
+    build : callable, optional
+        Makes the scene in place of the registered function.
+    """
+
+    label: str
+    scene: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    build: Callable[[], Scene] | None = None
+
+    def runner(self, **keywords: Any) -> "Runner":
+        """Return a runner; keywords as for `deli.simulate`."""
+        usual = defaults(self.scene)
+        scene = get(self.scene)(**self.parameters) if self.build is None else self.build()
+        return Runner(scene, deli.GVI(scheme=usual["scheme"]), usual["step_size"], **keywords)
+
+
+SCENES = (
+    Case("ball in flight", "point_mass", {"position": 1e12}),
+    Case("ball bouncing", "point_mass"),
+    Case("pogo_stick", "pogo_stick"),
+    Case("newtons_cradle, 3 balls", "newtons_cradle", {"balls": 3, "pulled": 1}),
+    Case("newtons_cradle, 5 balls", "newtons_cradle"),
+    Case("hard_rods, 10 rods", "hard_rods"),
+    Case("lennard_jones", "lennard_jones"),
+    Case("spring_sphere, smooth", "spring_sphere", {"start": "smooth"}),
+    Case("spring_sphere, mixed", "spring_sphere", {"start": "mixed"}),
+    Case("nonlinear_oscillator", "nonlinear_oscillator"),
+)
+
+
+class _Counter:
+    """Takes rows, and keeps how often they solved."""
+
+    def __init__(self) -> None:
+        self.solves = 0
+        self.rows_with_a_solve = 0
+
+    def write(self, first_row: int, trajectory: Mapping[str, Any], stats: Mapping[str, Any]) -> None:
+        """Count rows, and drop them."""
+        solves = stats["solves"].sum(axis=1)
+        self.solves += int(solves.sum())
+        self.rows_with_a_solve += int((solves > 0).sum())
+
+
+class Runner:
+    """Steps a scene on, as a run does, without a file.
+
+    Parameters
+    ----------
+    scene : Scene
+    method : deli.GVI, ...
+    step_size : float
+    **keywords
+        As for `deli.simulate`.
+    """
+
+    def __init__(self, scene: Scene, method: Any, step_size: float, **keywords: Any) -> None:
+        self.stepper = make_plan(scene, method, step_size=step_size, steps=1, **keywords).stepper()
+        self.counter = _Counter()
+        self._recorder = Recorder(scene, step_size, self.counter)
+        self.place(scene.position, scene.momentum)
+        self.stepper.record(self._recorder.block)
+        self._recorder.flush()
+
+    @property
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Copies of (q, p)."""
+        q, p = self.stepper.state
+        return q.copy(), p.copy()
+
+    def place(self, q: np.ndarray, p: np.ndarray) -> None:
+        """Go on from this state."""
+        self.stepper.place(q, p)
+
+    def run(self, steps: int, every: int = EVERY) -> float:
+        """Take steps; return the seconds that this took.
+
+        Raises
+        ------
+        StepError
+            If a step fails.
+        """
+        progress = self._recorder.block.fields.progress
+        progress[0] = 0
+        began = time.perf_counter()
+        while progress[0] < steps:
+            error = self.stepper.advance(self._recorder.block, steps, every, time.monotonic() + REFRESH_SECONDS)
+            if error is not None:
+                raise error
+            if self._recorder.full:
+                self._recorder.flush()
+        self._recorder.flush()
+        return time.perf_counter() - began
+
+    def pace(self) -> float:
+        """Seconds a step takes, roughly, once everything is compiled."""
+        steps = EVERY
+        while True:
+            seconds = self.run(steps)
+            if seconds > _CALIBRATION_SECONDS:
+                return self.run(steps) / steps
+            steps *= 4
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What steps cost.
+
+    Attributes
+    ----------
+    seconds : float
+        A step, recording every 10th; the median over rounds.
+    solves : float
+        Solves a step.
+    share : float
+        Share of steps with a solve.
+    """
+
+    seconds: float
+    solves: float
+    share: float
+
+
+def race(case: Case, contenders: Mapping[str, Mapping[str, Any]], rounds: int, seconds: float) -> dict[str, Cost]:
+    """Time contenders on the same stretches of a trajectory, in turn.
+
+    Every round goes on from where the first contender's last one ended. Each stretch is run twice: at first to count
+    and to compile what it needs, then against the clock.
+
+    Parameters
+    ----------
+    case : Case
+    contenders : mapping
+        Keywords for `deli.simulate` by name.
+    rounds : int
+    seconds : float
+        That the slowest contender's round takes.
+    """
+    runners = {name: case.runner(**keywords) for name, keywords in contenders.items()}
+    first = next(iter(runners.values()))
+    start = first.state
+    pace = max(runner.pace() for runner in runners.values())
+    steps = max(EVERY, round(seconds / pace / EVERY) * EVERY)
+    times: dict[str, list[float]] = {name: [] for name in runners}
+    counts = {name: np.zeros(2) for name in runners}
+    state = start
+    for _ in range(rounds):
+        for name, runner in runners.items():
+            counter = runner.counter
+            counter.solves = counter.rows_with_a_solve = 0
+            runner.place(*state)
+            runner.run(steps, every=1)
+            counts[name] += counter.solves, counter.rows_with_a_solve
+            runner.place(*state)
+            times[name].append(runner.run(steps) / steps)
+        state = first.state
+    return {
+        name: Cost(float(np.median(times[name])), *(float(value) for value in counts[name] / (rounds * steps)))
+        for name in runners
+    }
