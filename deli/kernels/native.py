@@ -10,7 +10,7 @@ from deli.kernels.dense import backward, forward
 from deli.kernels.system import PROGRAM, Program
 from solvers.native import project_within, residuals
 
-_LARGEST = 400  # rows that press at once, beyond which a sparse solver is faster
+LARGEST = 150  # rows that press at once, beyond which a sparse solver is faster
 
 
 @kernel
@@ -64,7 +64,7 @@ def project_program(program: Program, size: int, equalities: int, rows: int, tol
         start, column, value = program.white_start, program.white_column, program.white_value
     most = 100 + 20 * (rows + size)
     status, iterations = project_within(
-        start, column, value, bounds[:rows], equalities, wish[:size], tolerance, _LARGEST, most, z[:size], y[:rows]
+        start, column, value, bounds[:rows], equalities, wish[:size], tolerance, LARGEST, most, z[:size], y[:rows]
     )
     found = residuals(start, column, value, bounds[:rows], equalities, wish[:size], z[:size], y[:rows])
     good = status == 0 and max(found[0], found[1], found[2]) <= tolerance

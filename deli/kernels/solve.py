@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit, types
 
 from deli.kernels.compiled import call, kernel, seconds, unit
-from deli.kernels.native import project_program
+from deli.kernels.native import LARGEST, project_program
 from deli.kernels.system import DONE, MACHINE, RAISED, Machine, Program
 from deli.kernels.tally import SOLVED, measure, note
 from deli.mechanics.tables import OTHER, Rows
@@ -79,6 +79,8 @@ def _solve_native(
         for row in range(rows):
             y[row] = 0.0
         return True
+    if equalities > LARGEST:
+        return False
     good = project_program(program, size, equalities, rows, method.tolerance[subproblem], newton) == 1
     solved = seconds(hooks.clock, machine.work.ticks)
     if good and not linear:

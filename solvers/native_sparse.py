@@ -1,0 +1,95 @@
+"""Projection onto a polyhedron with many active rows: primal-dual active sets over sparse factorizations.
+
+    minimize    1/2 |z - wish|^2
+    subject to  R[:e] z = bounds[:e],   R[e:] z >= bounds[e:]
+
+with rows of unit length; what `solvers.native` solves, for working sets too large for a dense factor.
+"""
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import SuperLU, splu
+
+SOLVED, UNSETTLED = 0, 1
+
+SHIFT = 1e-10  # of the Gram matrix, which is singular where rows depend on each other; refinement takes it out
+REFINEMENTS = 30
+ROUNDS = 60  # changes of the active set
+NOISE = 1e-12  # size of a multiplier or violation, relative to the largest terms, that rounding explains
+
+
+class SparseProjection:
+    """Projects points, keeping the last factorization for the next point with the same active rows."""
+
+    def __init__(self) -> None:
+        self._known: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._factor: SuperLU | None = None
+
+    def project(
+        self, rows: sparse.csr_array, bounds: np.ndarray, equalities: int, wish: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, int, int]:
+        """Project `wish`.
+
+        With W the rows guessed active, first all of them, ``R_W R_W' y = bounds - R_W wish`` gives z = wish + R_W'y;
+        then rows with negative multipliers leave W and rows that are violated enter it, until neither is left.
+
+        Returns
+        -------
+        z, y : arrays
+        iterations : int
+            Active sets that were tried.
+        status : int
+            0 solved, 1 the active set did not settle.
+        """
+        equal = np.arange(bounds.size) < equalities
+        active = np.ones(bounds.size, dtype=bool)
+        seen: set[bytes] = set()
+        y = np.zeros(bounds.size)
+        for iteration in range(1, ROUNDS + 1):
+            seen.add(active.tobytes())
+            y[:] = 0.0
+            z, y[active] = self._solve(rows, active, bounds, wish)
+            size = max(1.0, float(np.abs(wish).max(initial=0.0)), float(np.abs(bounds).max(initial=0.0)))
+            slack = rows @ z - bounds
+            pulling = active & ~equal & (y < -NOISE * max(size, float(np.abs(y).max(initial=0.0))))
+            violated = ~active & (slack < -NOISE * size)
+            if not pulling.any() and not violated.any():
+                y[~equal] = np.maximum(y[~equal], 0.0)
+                return z, y, iteration, SOLVED
+            active = (active & ~pulling) | violated
+            if active.tobytes() in seen:
+                break
+        return z, y, iteration, UNSETTLED
+
+    def _solve(
+        self, rows: sparse.csr_array, active: np.ndarray, bounds: np.ndarray, wish: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        if not active.any():
+            return wish.copy(), np.zeros(0)
+        working = rows[active]
+        transposed = working.T.tocsr()
+        factor = self._factorize(rows, active, working, transposed)
+        target = bounds[active]
+        y = np.zeros(target.size)
+        z, least = wish.copy(), np.inf
+        best = (z, y)
+        for _ in range(REFINEMENTS):
+            y = y + factor.solve(target - working @ z)
+            z = wish + transposed @ y
+            apart = float(np.abs(target - working @ z).max())
+            if not apart < 0.5 * least:
+                break
+            best, least = (z, y), apart
+        return best
+
+    def _factorize(
+        self, rows: sparse.csr_array, active: np.ndarray, working: sparse.csr_array, transposed: sparse.csr_array
+    ) -> SuperLU:
+        key = (rows.indptr, rows.indices, rows.data, active)
+        if self._factor is None or not all(map(np.array_equal, key, self._known or ())):
+            gram = (working @ transposed + SHIFT * sparse.eye_array(working.shape[0], format="csr")).tocsc()
+            self._factor = splu(
+                gram, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+            )
+            self._known = tuple(part.copy() for part in key)  # type: ignore[assignment]
+        return self._factor
