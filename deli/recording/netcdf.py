@@ -16,6 +16,8 @@ from deli.recording.schema import STATS, TRAJECTORY, Block, Schema, Variable, co
 
 CHUNK_ROWS = 256
 COMMITTED, WALL_TIME = "committed_rows", "committed_wall_time"
+ENCODING = "_Encoding"
+"""The attribute that tells readers to join letters to words."""
 
 
 LIBRARY = threading.RLock()
@@ -151,21 +153,29 @@ def _lay_out(dataset: netCDF4.Dataset, schema: Schema, attributes: Mapping[str, 
         for dimension in dict.fromkeys(dim for variable in variables for dim in variable.dims):
             group.createDimension(dimension, schema.sizes.get(dimension))
         for variable in variables:
+            if variable.dtype == "str":
+                _write_words(group, variable, constants[name][variable.name])
+                continue
             created = _create(group, variable, schema.sizes)
             if not variable.grows:
-                values = constants[name][variable.name]
-                created[:] = values.astype(object) if variable.dtype == "str" else values
+                created[:] = constants[name][variable.name]
 
 
 def _create(group: netCDF4.Group, variable: Variable, sizes: Mapping[str, int]) -> netCDF4.Variable:
-    created: netCDF4.Variable
-    if variable.dtype == "str":
-        created = group.createVariable(variable.name, str, variable.dims)
-    else:
-        chunks = [sizes.get(dimension, CHUNK_ROWS) for dimension in variable.dims] if variable.grows else None
-        created = group.createVariable(
-            variable.name, np.dtype(variable.dtype), variable.dims, fill_value=False, chunksizes=chunks
-        )
+    chunks = [sizes.get(dimension, CHUNK_ROWS) for dimension in variable.dims] if variable.grows else None
+    created: netCDF4.Variable = group.createVariable(
+        variable.name, np.dtype(variable.dtype), variable.dims, fill_value=False, chunksizes=chunks
+    )
     created.set_auto_mask(False)
     created.setncatts(variable.attributes)
     return created
+
+
+def _write_words(group: netCDF4.Group, variable: Variable, words: np.ndarray) -> None:
+    """Write words as rows of letters: where a file is opened twice, HDF5 crashes on strings of any length."""
+    letters = words.astype(bytes)
+    dimension = f"{variable.name}_letter"
+    group.createDimension(dimension, letters.itemsize)
+    created = group.createVariable(variable.name, "S1", (*variable.dims, dimension), fill_value=False)
+    created[:] = letters.view("S1").reshape(*words.shape, letters.itemsize)
+    created.setncatts({**variable.attributes, ENCODING: "ascii"})

@@ -8,7 +8,7 @@ import netCDF4
 import numpy as np
 
 from deli.errors import InputError
-from deli.recording.netcdf import COMMITTED, LIBRARY, attributes_of, being_written
+from deli.recording.netcdf import COMMITTED, ENCODING, LIBRARY, attributes_of, being_written
 from deli.recording.schema import CONVENTIONS, STATS, TRAJECTORY, Groups, VariableData
 
 
@@ -69,5 +69,7 @@ def _open(path: Path) -> netCDF4.Dataset:
 
 def _read(variable: netCDF4.Variable, length: Mapping[str, int]) -> VariableData:
     values = variable[: length[variable.dimensions[0]]] if variable.dimensions[0] in length else variable[:]
-    values = values.astype(str) if variable.dtype is str else np.asarray(values)
-    return variable.dimensions, values, attributes_of(variable)
+    attributes = attributes_of(variable)
+    if attributes.pop(ENCODING, None) is None:
+        return variable.dimensions, np.asarray(values), attributes
+    return variable.dimensions[:-1], values.astype(str), attributes

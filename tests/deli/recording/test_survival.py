@@ -146,3 +146,25 @@ def test_rows_that_cannot_be_written_are_an_error(tmp_path, monkeypatch):
     with pytest.raises(netcdf.RecordingError, match="Is the disk full"):
         deli.simulate(deli.scenes.point_mass(), deli.GVI(), step_size=0.01, steps=5, output=path)
     assert not path.exists()
+
+
+def test_a_file_may_be_open_several_times(tmp_path):
+    """Closing one of several handles must leave the file readable by those that are left and those to come."""
+    path = tmp_path / "run.nc"
+    run = deli.simulate(deli.scenes.point_mass(), deli.GVI(), step_size=0.01, steps=5, output=path)
+    code = (
+        "import sys, netCDF4, deli\n"
+        "handles = [netCDF4.Dataset(sys.argv[1]) for _ in range(3)]\n"
+        "for _ in range(100):\n"
+        "    handles.append(netCDF4.Dataset(sys.argv[1]))\n"
+        "    handles.pop(0).close()\n"
+        "    run = deli.open_run(sys.argv[1])\n"
+        "print(*run['solver_stats']['subproblem'].values)\n"
+    )
+    # A process of its own: what is wrong here ends in the library's crash.
+    found = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True)
+    assert found.returncode == 0, found.stderr
+    assert found.stdout.split() == list(run["solver_stats"]["subproblem"].values)
+    with netCDF4.Dataset(path) as dataset:
+        variables = [variable for group in dataset.groups.values() for variable in group.variables.values()]
+        assert not [variable.name for variable in variables if variable.dtype is str]
