@@ -167,7 +167,7 @@ def work_arrays(system: System) -> tuple[Work, Islands, Program]:
         shapes[name] = ((rows,), np.bool_)
     for name in ("marked", "chosen", "smooth", "pressing"):
         shapes[name] = ((rows,), np.int64)
-    arrays = {name: np.zeros(*shapes.get(name, ((dof,), float))) for name in Work._fields}
+    arrays: dict[str, np.ndarray] = {name: np.zeros(*shapes.get(name, ((dof,), float))) for name in Work._fields}
     all_rows = rows + held
     entries = 2 * dimension * all_rows + (system.other_unilateral + system.other_bilateral) * dof
     curved = dof if system.curved and dof <= _LARGEST_HESSIAN else 0

@@ -30,7 +30,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     return dispatcher
 
 
-class Unit(types.ExternalFunction):  # type: ignore[misc]
+class Unit(types.ExternalFunction):
     """A compiled function that others call through its symbol, and Python, without the interpreter's lock, as it is.
 
     Callers do not absorb it: its code is optimized once.
@@ -51,7 +51,7 @@ class Unit(types.ExternalFunction):  # type: ignore[misc]
     def call(self) -> Callable[..., Any]:
         """The function for Python; records are passed by their addresses."""
         self.compile()
-        kinds = [_C.get(kind, ctypes.c_int64) for kind in (self.sig.return_type, *self.sig.args)]
+        kinds: list[Any] = [_C.get(kind, ctypes.c_int64) for kind in (self.sig.return_type, *self.sig.args)]
         return ctypes.CFUNCTYPE(*kinds)(self.compiled.address)
 
     def compile(self) -> None:

@@ -59,7 +59,7 @@ def _gather(label: np.ndarray, islands: Islands, groups: int, rows: np.ndarray, 
 
 @unit(types.int64, MACHINE, types.int64, types.boolean, types.boolean)
 def connect(machine: Machine, count: int, all_held: bool, whole: bool) -> int:
-    """Group bodies by the first `count` entries of ``work.pressing`` and by the bilateral constraints; return how many groups.
+    """Group bodies by the first `count` of ``work.pressing`` and by the bilateral constraints; return how many groups.
 
     Bodies that no chosen row touches are left out, and so are those on bilateral constraints alone unless
     `all_held`. With `whole`, everything is one group. Groups are numbered by their lowest body; in each, bodies,

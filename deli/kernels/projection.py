@@ -11,7 +11,7 @@ from deli.kernels.tally import skip
 
 @unit(types.int64, MACHINE, types.int64)
 def tangent(machine: Machine, count: int) -> int:
-    """Project ``work.carried`` off the first `count` rows of ``work.pressing`` and all bilateral rows, gradients at x."""
+    """Project ``work.carried`` off the first `count` rows of ``work.pressing`` and bilateral rows, gradients at x."""
     system, method, work, islands, program, tally = (
         machine.system,
         machine.method,

@@ -80,6 +80,8 @@ class Record:
 
     __slots__ = ("_block", "_kept", "address", "fields", "kind")
 
+    address: int
+
     def __init__(self, kind: RecordType, fields: Any) -> None:
         words: list[int] = []
         self._kept: list[Any] = []
@@ -156,7 +158,7 @@ class Records:
 
 
 @register_model(RecordType)
-class _RecordModel(models.PrimitiveModel):  # type: ignore[misc]
+class _RecordModel(models.PrimitiveModel):
     """The address of the block."""
 
     def __init__(self, manager: Any, kind: RecordType) -> None:
@@ -177,7 +179,7 @@ def _unbox(_kind: RecordType, record: Any, context: Any) -> NativeValue:
 
 
 @infer_getattr
-class _RecordFields(AttributeTemplate):  # type: ignore[misc]
+class _RecordFields(AttributeTemplate):
     key = RecordType
 
     def generic_resolve(self, kind: RecordType, name: str) -> types.Type | None:

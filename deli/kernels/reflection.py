@@ -73,7 +73,7 @@ def _turn(machine: Machine, group: int, share: float) -> int:
 
 @kernel
 def _gather(machine: Machine, group: int) -> tuple[int, int]:
-    """Write the rows of one island at q, bilateral ones first; return how many are bilateral, and how many there are."""
+    """Write the rows of one island at q, bilateral ones first; return how many of them are, and how many in all."""
     system, work, islands, program = machine.system, machine.work, machine.islands, machine.program
     count = 0
     program.start[0] = 0
@@ -248,10 +248,7 @@ def _pass(machine: Machine, taken: int) -> int:
     before = tally.counts[0, REFLECTION]
     groups = connect(machine, taken, False, system.coupled or numerical or not method.skip)
     for group in range(groups):
-        if numerical:
-            code = call(machine.hooks.numerical, address_of(machine), 0, 0, 0)
-        else:
-            code = _turn(machine, group, 1.0)
+        code = call(machine.hooks.numerical, address_of(machine), 0, 0, 0) if numerical else _turn(machine, group, 1.0)
         if code != DONE:
             return code
     if tally.counts[0, REFLECTION] == before:

@@ -98,7 +98,7 @@ def _solve_native(
 
 @kernel
 def _satisfied(program: Program, rows: int) -> bool:
-    for row in range(rows):
+    for row in range(rows):  # noqa: SIM110, a generator is not compiled
         if not abs(along(program, row, program.wish) - program.bounds[row]) <= _SATISFIED:
             return False
     return True
