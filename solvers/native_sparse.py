@@ -14,7 +14,8 @@ SOLVED, UNSETTLED = 0, 1
 
 SHIFT = 1e-10  # of the Gram matrix, which is singular where rows depend on each other; refinement takes it out
 REFINEMENTS = 30
-ROUNDS = 60  # changes of the active set
+ROUNDS = 200  # changes of the active set
+SHARE = 0.3  # of the strongest pull, from which on rows leave together
 NOISE = 1e-12  # size of a multiplier or violation, relative to the largest terms, that rounding explains
 
 
@@ -56,6 +57,8 @@ class SparseProjection:
             if not pulling.any() and not violated.any():
                 y[~equal] = np.maximum(y[~equal], 0.0)
                 return z, y, iteration, SOLVED
+            # Of rows that depend on each other a few that pull are to leave; without all of them others give way.
+            pulling &= y <= SHARE * y.min(initial=0.0, where=~equal)
             active = (active & ~pulling) | violated
             if active.tobytes() in seen:
                 break

@@ -13,6 +13,7 @@ from deli.kernels.rows import push, rate, weight
 from deli.kernels.solve import append, solve
 from deli.kernels.system import (
     DONE,
+    GENERALIZED,
     INDEFINITE,
     MACHINE,
     MOREAU,
@@ -238,22 +239,70 @@ def turn_numerical(machine: Machine, _one: int, _two: int, _three: int) -> int:
 
 
 @kernel
-def _pass(machine: Machine, taken: int) -> int:
-    """Reflect off the first `taken` rows of ``work.pressing``, island by island."""
-    system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
-    momentum = work.momentum
-    for k in range(momentum.size):
-        work.free_momentum[k] = momentum[k]  # as it was before this pass
+def _pass(machine: Machine, taken: int) -> tuple[int, int]:
+    """Reflect off the first `taken` rows of ``work.pressing``, island by island; return a code and how many."""
+    system, method, tally = machine.system, machine.method, machine.tally
     numerical = method.numerical and system.curved
     before = tally.counts[0, REFLECTION]
     groups = connect(machine, taken, False, system.coupled or numerical or not method.skip)
     for group in range(groups):
         code = call(machine.hooks.numerical, address_of(machine), 0, 0, 0) if numerical else _turn(machine, group, 1.0)
         if code != DONE:
-            return code
+            return code, groups
     if tally.counts[0, REFLECTION] == before:
         skip(tally, REFLECTION)
-    return DONE
+    return DONE, groups
+
+
+@kernel
+def _list_joints(machine: Machine, count: int) -> None:
+    """List, by body, the places in ``work.chosen`` of the rows on it."""
+    islands, table, chosen = machine.islands, machine.system.unilateral, machine.work.chosen
+    start, joints = islands.joint_start, islands.joints
+    for body in range(start.size):
+        start[body] = 0
+    for k in range(count):
+        start[table.first[chosen[k]] + 1] += 1
+        if table.second[chosen[k]] >= 0:
+            start[table.second[chosen[k]] + 1] += 1
+    for body in range(start.size - 1):
+        start[body + 1] += start[body]
+    for k in range(count - 1, -1, -1):  # each start moves from its body's end to its beginning
+        for end in range(2):
+            body = table.first[chosen[k]] if end == 0 else table.second[chosen[k]]
+            if body >= 0:
+                start[body + 1] -= 1
+                joints[start[body + 1]] = k
+
+
+@kernel
+def _approaching(machine: Machine, groups: int, passes: int) -> int:
+    """Put the rows that approach since the last pass, in order, into ``work.pressing``; return how many.
+
+    Where every approaching row was reflected, these are on bodies that the last pass has turned. Places in
+    ``work.chosen`` that have been looked at carry the number of the pass in ``work.smooth``.
+    """
+    system, work, islands = machine.system, machine.work, machine.islands
+    start, found = islands.joint_start, work.pressing
+    count = 0
+    for place in range(islands.body_start[groups]):
+        body = islands.bodies[place]
+        for joint in range(start[body + 1], start[body + 2]):
+            k = islands.joints[joint]
+            if work.smooth[k] == passes:
+                continue
+            work.smooth[k] = passes
+            row = work.chosen[k]
+            work.approach[k] = rate(system.unilateral, row, work.normals, work.gradients, work.momentum, system.inverse)
+            if work.approach[k] < -work.still[row]:
+                at = count
+                while at > 0 and found[at - 1] > row:
+                    found[at] = found[at - 1]
+                    at -= 1
+                found[at] = row
+                work.marked[k] = 1
+                count += 1
+    return count
 
 
 @kernel
@@ -265,6 +314,38 @@ def _rattle(mass: np.ndarray) -> float:
     return 4.0 * math.sqrt(most / least)
 
 
+@kernel
+def _select(machine: Machine, count: int, last: int) -> tuple[int, int, int]:
+    """Look at all chosen rows, and put those to reflect off into ``work.pressing``.
+
+    Returns how many approach, the place of the one that the sequential operator takes, and how many are taken.
+    """
+    system, method, work = machine.system, machine.method, machine.work
+    chosen, approach, still, selected = work.chosen, work.approach, work.still, work.pressing
+    violated, next_one, first_one = 0, -1, -1
+    for k in range(count):
+        approach[k] = rate(system.unilateral, chosen[k], work.normals, work.gradients, work.momentum, system.inverse)
+        if approach[k] < -still[chosen[k]]:
+            violated += 1
+            first_one = k if first_one < 0 else first_one
+            next_one = k if next_one < 0 and k > last else next_one
+    if violated == 0:
+        return 0, last, 0
+    if method.operator == SEQUENTIAL:
+        last = next_one if next_one >= 0 else first_one
+        selected[0] = chosen[last]
+        work.marked[last] = 1
+        return violated, last, 1
+    taken = 0
+    for k in range(count):
+        zero = still[chosen[k]]
+        if approach[k] <= zero if method.operator == MOREAU else approach[k] < -zero:
+            selected[taken] = chosen[k]
+            work.marked[k] = 1
+            taken += 1
+    return violated, last, taken
+
+
 @unit(types.int64, MACHINE, types.int64)
 def reflect(machine: Machine, count: int) -> int:
     """Turn ``work.momentum`` until none of the first `count` rows of ``work.chosen`` approaches.
@@ -273,22 +354,21 @@ def reflect(machine: Machine, count: int) -> int:
     contacts, ``moreau`` all that do not separate, ``sequential`` the next approaching one in index order.
     """
     system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
-    momentum, chosen, approach, still = work.momentum, work.chosen, work.approach, work.still
-    table, dof = system.unilateral, system.mass.size
+    momentum, dof = work.momentum, system.mass.size
     for k in range(count):
         work.marked[k] = 0
+        work.smooth[k] = -1
     limit = min(_MOST_PASSES, _PASSES + int(_rattle(system.mass) * float(count) ** 2))
     last, before_known = -1, False
-    selected = work.pressing
+    local = method.operator == GENERALIZED and system.other_unilateral == 0
+    if local:
+        _list_joints(machine, count)
+    violated = groups = -1
     for passes in range(limit):
-        violated, next_one, first_one = 0, -1, -1
-        for k in range(count):
-            row = chosen[k]
-            approach[k] = rate(table, row, work.normals, work.gradients, momentum, system.inverse)
-            if approach[k] < -still[row]:
-                violated += 1
-                first_one = k if first_one < 0 else first_one
-                next_one = k if next_one < 0 and k > last else next_one
+        if local and groups >= 0:
+            violated = taken = _approaching(machine, groups, passes)
+        else:
+            violated, last, taken = _select(machine, count, last)
         if violated == 0:
             if passes == 0:
                 skip(tally, REFLECTION)
@@ -297,20 +377,11 @@ def reflect(machine: Machine, count: int) -> int:
                 reflected += work.marked[k]
             tally.contacts[1] += reflected
             return DONE
-        taken = 0
-        if method.operator == SEQUENTIAL:
-            last = next_one if next_one >= 0 else first_one
-            selected[0], taken = chosen[last], 1
-            work.marked[last] = 1
-        else:
-            for k in range(count):
-                zero = still[chosen[k]]
-                if approach[k] <= zero if method.operator == MOREAU else approach[k] < -zero:
-                    selected[taken] = chosen[k]
-                    work.marked[k] = 1
-                    taken += 1
-        compared = dof <= _SMALL or passes >= _PASSES // 2
-        code = _pass(machine, taken)
+        compared = dof <= _SMALL or passes >= limit // 2
+        if compared:
+            for k in range(dof):
+                work.free_momentum[k] = momentum[k]
+        code, groups = _pass(machine, taken)
         if code != DONE:
             return code
         if compared:
@@ -326,7 +397,7 @@ def reflect(machine: Machine, count: int) -> int:
                 work.before[k] = work.free_momentum[k]
             before_known = True
     work.report[0], work.report[1], work.report[2] = violated, count, limit
-    work.report[3] = approach[0]
+    work.report[3] = work.approach[0]
     for k in range(count):
-        work.report[3] = min(work.report[3], approach[k])
+        work.report[3] = min(work.report[3], work.approach[k])
     return TOO_MANY_PASSES

@@ -199,7 +199,10 @@ class Mail(NamedTuple):
 
 
 class Islands(NamedTuple):
-    """Bodies and rows by connected component; see `deli.kernels.islands`."""
+    """Bodies and rows by connected component; see `deli.kernels.islands`.
+
+    `touched` lists the bodies whose labels are not -1, and ends with their number.
+    """
 
     parent: Numbers
     label: Numbers
@@ -210,6 +213,9 @@ class Islands(NamedTuple):
     rows: Numbers
     held_start: Numbers
     held: Numbers
+    touched: Numbers
+    joint_start: Numbers
+    joints: Numbers
 
 
 class Work(NamedTuple):

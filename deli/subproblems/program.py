@@ -1,9 +1,11 @@
 """A subproblem's cvxpy models, compiled by shape, that answer the programs a kernel hands over."""
 
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import sparse
 
 import solvers
 from deli.errors import InputError, StepError
@@ -12,12 +14,18 @@ from deli.kernels.solve import export
 from deli.kernels.system import PROGRAM, Program
 from deli.subproblems.choices import SUBPROBLEMS, SolverChoice
 from deli.subproblems.stats import StepStats
+from solvers import native
+from solvers.native_sparse import SparseProjection
+from solvers.threads import CVXPY
 
 if TYPE_CHECKING:
     import cvxpy as cp
 
     Model = Callable[[np.ndarray, int, int], cp.Problem]
 
+LARGEST_DENSE = 150  # rows beyond which a sparse solve is faster than a dense one
+NATIVE = ("native", "auto")
+MOST_ENTRIES = 4_000_000
 _ACCEPTED = 1e3  # an answer whose residual exceeds this many tolerances stops the run
 _SIZES = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 
@@ -44,6 +52,8 @@ class ProgramSolver:
     stats : StepStats
     measured : bool
         Whether the residuals of each solve are the subproblem's own and so recorded.
+    skip : bool
+        Whether equality rows alone are answered by a linear solve.
     """
 
     def __init__(
@@ -55,6 +65,7 @@ class ProgramSolver:
         choice: SolverChoice,
         stats: StepStats,
         measured: bool = True,
+        skip: bool = True,
     ) -> None:
         self._subproblem = subproblem
         self._models = (model, newton_model)
@@ -62,6 +73,8 @@ class ProgramSolver:
         self._choice = choice
         self._stats = stats
         self._measured = measured
+        self._skip = skip
+        self._large = SparseProjection()
         self._compiled: dict[tuple[bool, int, int, int], solvers.CompiledProblem] = {}
         self.backends: set[str] = set()
         if choice.options or choice.backend.startswith("cvxpy:"):
@@ -81,6 +94,14 @@ class ProgramSolver:
             When no answer within a thousand tolerances was found.
         """
         program = self.program
+        if rows > LARGEST_DENSE and not newton and self._sparse(size, equalities, rows):
+            return
+        if rows * size > MOST_ENTRIES:
+            raise StepError(
+                f"{SUBPROBLEMS[self._subproblem]}: {rows} constraints on {size} degrees of freedom press at once, too "
+                f"many for {self._choice.backend!r} (at most {MOST_ENTRIES:,} entries of the dense matrix); use "
+                f"solvers='auto', whose sparse solver did not settle here or was not asked, or a smaller step_size."
+            )
         dense, kept = np.zeros((rows, size)), np.zeros(rows, dtype=np.int64)
         independent = export(self._record, equalities, rows, size, dense, kept)
         free = rows - equalities
@@ -109,6 +130,33 @@ class ProgramSolver:
             # cvxpy's multiplier of an equality has the opposite sign.
             program.y[kept[:independent]] = -next(duals)
 
+    def _sparse(self, size: int, equalities: int, rows: int) -> bool:
+        """Solve a large program over sparse factors, where a linear solve or the native backend is to answer it."""
+        linear = self._skip and equalities == rows
+        if not (linear or self._choice.backend in NATIVE):
+            return False
+        program, began = self.program, time.perf_counter()
+        entries = program.start[rows]
+        matrix = sparse.csr_array(
+            (program.value[:entries], program.column[:entries], program.start[: rows + 1]), shape=(rows, size)
+        )
+        bounds, wish = program.bounds[:rows], program.wish[:size]
+        z, y, iterations, _ = self._large.project(matrix, bounds, equalities, wish)
+        solved = time.perf_counter()
+        residuals = native.residuals(
+            program.start[: rows + 1], program.column[:entries], program.value[:entries], bounds, equalities, wish, z, y
+        )
+        if not max(residuals) <= self._choice.tolerance:
+            return False
+        program.z[:size], program.y[:rows] = z, y
+        if not linear:
+            solve_time, overhead = solved - began, time.perf_counter() - solved
+            self._stats.add_native(self._subproblem, iterations, rows, solve_time, overhead)
+            if self._measured:
+                self._stats.measure(self._subproblem, *residuals)
+            self.backends.add("native")
+        return True
+
     def _try(self) -> None:
         """Solve a trivial problem, so that what a backend does not accept is refused before a run starts."""
         try:
@@ -129,13 +177,14 @@ class ProgramSolver:
         compiled = self._compiled.get(key)
         if compiled is None:
             choice = self._choice
-            compiled = self._compiled[key] = solvers.compile(
-                self._models[newton](np.ones(size), padded, bilateral_rows),
-                choice.backend,
-                tolerance=choice.tolerance,
-                polish=choice.polish,
-                **choice.options,
-            )
+            with CVXPY:
+                compiled = self._compiled[key] = solvers.compile(
+                    self._models[newton](np.ones(size), padded, bilateral_rows),
+                    choice.backend,
+                    tolerance=choice.tolerance,
+                    polish=choice.polish,
+                    **choice.options,
+                )
         return compiled
 
     def _account(self, solution: "solvers.Solution", rows: int) -> None:
