@@ -48,6 +48,7 @@ class Case:
 SCENES = (
     Case("ball in flight", "point_mass", {"position": 1e12}),
     Case("ball bouncing", "point_mass"),
+    Case("pogo_stick in flight", "pogo_stick", {"gravity": 0.0}),
     Case("pogo_stick", "pogo_stick"),
     Case("newtons_cradle, 3 balls", "newtons_cradle", {"balls": 3, "pulled": 1}),
     Case("newtons_cradle, 5 balls", "newtons_cradle"),
@@ -59,18 +60,34 @@ SCENES = (
 )
 
 
-class _Counter:
-    """Takes rows, and keeps how often they solved."""
+class Counter:
+    """Takes rows, and keeps what they cost.
+
+    Attributes
+    ----------
+    solves : int
+    solving, touching : int
+        Rows that lead over a solve, and over a contact.
+    solver_seconds, overhead_seconds : float
+        Inside solvers, and in handing data to them.
+    """
 
     def __init__(self) -> None:
-        self.solves = 0
-        self.rows_with_a_solve = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self.solves = self.solving = self.touching = 0
+        self.solver_seconds = self.overhead_seconds = 0.0
 
     def write(self, first_row: int, trajectory: Mapping[str, Any], stats: Mapping[str, Any]) -> None:
         """Count rows, and drop them."""
         solves = stats["solves"].sum(axis=1)
         self.solves += int(solves.sum())
-        self.rows_with_a_solve += int((solves > 0).sum())
+        self.solving += int((solves > 0).sum())
+        self.touching += int(((trajectory["smooth_contacts"] > 0) | (trajectory["reflected_contacts"] > 0)).sum())
+        self.solver_seconds += float(stats["solve_time"].sum())
+        self.overhead_seconds += float(stats["overhead_time"].sum())
 
 
 class Runner:
@@ -87,7 +104,7 @@ class Runner:
 
     def __init__(self, scene: Scene, method: Any, step_size: float, **keywords: Any) -> None:
         self.stepper = make_plan(scene, method, step_size=step_size, steps=1, **keywords).stepper()
-        self.counter = _Counter()
+        self.counter = Counter()
         self._recorder = Recorder(scene, step_size, self.counter)
         self.place(scene.position, scene.momentum)
         self.stepper.record(self._recorder.block)
@@ -178,10 +195,10 @@ def race(case: Case, contenders: Mapping[str, Mapping[str, Any]], rounds: int, s
     for _ in range(rounds):
         for name, runner in runners.items():
             counter = runner.counter
-            counter.solves = counter.rows_with_a_solve = 0
+            counter.reset()
             runner.place(*state)
             runner.run(steps, every=1)
-            counts[name] += counter.solves, counter.rows_with_a_solve
+            counts[name] += counter.solves, counter.solving
             runner.place(*state)
             times[name].append(runner.run(steps) / steps)
         state = first.state
