@@ -9,6 +9,7 @@ from deli.errors import DeliError, InputError, StepError
 
 if TYPE_CHECKING:
     from deli import plotting, scenes
+    from deli.ensemble import simulate_ensemble
     from deli.integrators.discrete_smooth import DiscreteSmooth
     from deli.integrators.gvi import GVI
     from deli.mechanics.constraints import Planes
@@ -48,6 +49,7 @@ __all__ = [
     "reflect",
     "scenes",
     "simulate",
+    "simulate_ensemble",
 ]
 
 _MODULES = ("plotting", "scenes")
@@ -71,6 +73,7 @@ _HOME = {
     "open_run": "deli.simulation",
     "reflect": "deli.reflect",
     "simulate": "deli.simulation",
+    "simulate_ensemble": "deli.ensemble",
 }
 
 

@@ -14,6 +14,7 @@ from solvers.declared import checks
 from solvers.errors import ParameterError, SolverError
 from solvers.residuals import EXACT, Residuals
 from solvers.solution import Solution, Status
+from solvers.threads import CVXPY
 
 # Looking a member up on its class takes far longer than a name, and a solve does it several times.
 SOLVED, INACCURATE = Status.SOLVED, Status.INACCURATE
@@ -35,7 +36,7 @@ def compile(
     problem : cvxpy.Problem
         A convex quadratic program that follows disciplined parametrized programming (DPP).
     backend : str
-        One of `solvers.backends`, ``"auto"`` (daqp, then piqp), or ``"cvxpy:SOLVER"`` for any solver cvxpy has.
+        One of `solvers.backends`, ``"auto"`` (native, daqp, then piqp), or ``"cvxpy:SOLVER"`` for any solver cvxpy has.
     tolerance : float
         Bound on the scaled KKT residuals (`solvers.residuals`); means the same for every backend.
     polish : bool
@@ -64,7 +65,8 @@ def compile(
         table = {backend: options}
     from solvers.canonical import canonicalize  # cvxpy takes a second to import
 
-    return CompiledProblem(canonicalize(problem), backend, tolerance, polish, table)
+    with CVXPY:
+        return CompiledProblem(canonicalize(problem), backend, tolerance, polish, table)
 
 
 class CompiledProblem:

@@ -33,7 +33,7 @@ BUILTIN: dict[str, tuple[str, str]] = {
 }
 
 # Chains try their members in order until one is verified; every failed one is counted.
-CHAINS: dict[str, tuple[str, ...]] = {"auto": ("daqp", "piqp")}
+CHAINS: dict[str, tuple[str, ...]] = {"auto": ("native", "daqp", "piqp")}
 
 _registered: dict[str, Factory] = {}
 

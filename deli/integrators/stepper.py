@@ -94,8 +94,8 @@ class Stepper:
         ----------
         scene : Scene
         system : int, optional
-            Address of the scene's record in `deli.integrators.binding.bind_systems`, which the caller keeps alive; for
-            a scene of the same shape as the one that the stepper was made for.
+            Address of its record in `deli.integrators.systems.bind_systems`, which the caller keeps alive; for a scene
+            of the same shape as the one that the stepper was made for.
         """
         self.scene, self._tries = scene, 0
         self.stats.reset()

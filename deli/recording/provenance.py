@@ -16,6 +16,7 @@ import tomli_w
 from deli import scenes
 from deli.errors import InputError
 from deli.mechanics import symmetry
+from deli.mechanics.constraints import SearchedFamily
 from deli.mechanics.scene import Scene
 from deli.recording.schema import AXES, CONVENTIONS, UNITS_NOTE
 from deli.subproblems.choices import parse_choices
@@ -186,7 +187,8 @@ def _describe_scene(scene: Scene) -> dict[str, Any]:
 def _same(one: Scene, other: Scene) -> bool:
     if one.dimension != other.dimension:
         return False
-    return all(np.array_equal(a, b) for a, b in zip(_fingerprint(one), _fingerprint(other), strict=True))
+    prints = _fingerprint(one), _fingerprint(other)
+    return len(prints[0]) == len(prints[1]) and all(map(np.array_equal, *prints))
 
 
 def _fingerprint(scene: Scene) -> list[np.ndarray]:
@@ -198,8 +200,13 @@ def _fingerprint(scene: Scene) -> list[np.ndarray]:
         np.asarray(scene.potential.energy(q)),
         scene.potential.gradient(q),
         *(
-            function(q)
-            for family in (scene.unilateral, scene.bilateral)
-            for function in (family.value, family.jacobian)
+            array
+            for stack in (scene.unilateral, scene.bilateral)
+            for family in stack.families
+            for array in (
+                (np.asarray(family.distance), *family.rows_table())
+                if isinstance(family, SearchedFamily) and family.searched
+                else (family.value(q), family.jacobian(q))
+            )
         ),
     ]

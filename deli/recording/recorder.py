@@ -103,7 +103,7 @@ class Recorder:
             "time": block.steps[:count] * self._step_size,
             "position": block.position[:count].copy(),
             "momentum": block.momentum[:count].copy(),
-            **named_diagnostics(block.diagnostics[:count], self._scene.dimension),
+            **named_diagnostics(block.diagnostics[:count].copy(), self._scene.dimension),
             "smooth_contacts": block.contacts[:count, 0].copy(),
             "reflected_contacts": block.contacts[:count, 1].copy(),
         }
@@ -121,20 +121,20 @@ class Recorder:
 
 
 def named_diagnostics(columns: np.ndarray, dimension: int) -> Block:
-    """Diagnostics of rows by name, from the columns that kernels write."""
-    kinetic, potential, gap, mismatch = columns[:, :4].T
+    """Diagnostics of rows by name, views of the columns that kernels write, shape (..., columns)."""
+    kinetic, potential, gap, mismatch = (columns[..., k] for k in range(4))
     values = {
         "hamiltonian": kinetic + potential,
         "kinetic_energy": kinetic,
         "potential_energy": potential,
-        "linear_momentum": columns[:, 4 : 4 + dimension],
+        "linear_momentum": columns[..., 4 : 4 + dimension],
         "gap_min": gap,
         "equality_residual": mismatch,
     }
     if dimension > 1:
-        angular = columns[:, 4 + dimension :]
-        values["angular_momentum"] = angular[:, 0] if dimension == 2 else angular
-    return {name: np.array(value) for name, value in values.items()}
+        angular = columns[..., 4 + dimension :]
+        values["angular_momentum"] = angular[..., 0] if dimension == 2 else angular
+    return values
 
 
 def diagnose(scene: Scene, q: np.ndarray, p: np.ndarray) -> Block:

@@ -57,10 +57,10 @@ class Plan:
             every=self.every,
         )
 
-    def stepper(self) -> Any:
-        """A fresh stepper of the method."""
+    def stepper(self, scene: Scene | None = None) -> Any:
+        """A fresh stepper of the method, for the plan's scene or another."""
         return self.method.stepper(
-            self.scene,
+            scene or self.scene,
             self.step_size,
             solvers=self.solvers,
             skip=self.skip,

@@ -29,12 +29,12 @@ class ProgressBar:
                 TextColumn("{task.description}"),
                 BarColumn(bar_width=20),
                 TaskProgressColumn(),
-                TextColumn("{task.fields[rate]}, energy error {task.fields[error]:+.1e}"),
+                TextColumn("{task.fields[rate]}{task.fields[note]}"),
                 TimeRemainingColumn(),
                 console=console,
                 auto_refresh=False,
             )
-            self._task = self._progress.add_task(name, total=steps, completed=done, rate="starting", error=0.0)
+            self._task = self._progress.add_task(name, total=steps, completed=done, rate="starting", note="")
 
     def __enter__(self) -> "ProgressBar":
         self._started = time.perf_counter()
@@ -46,8 +46,9 @@ class ProgressBar:
         if self.active:
             self._progress.stop()
 
-    def update(self, step: int, energy_error: float) -> None:
+    def update(self, step: int, energy_error: float | None = None) -> None:
         """Show that `step` steps are done."""
         seconds = max(time.perf_counter() - self._started, 1e-9)
         rate = f"{(step - self._done) / seconds:,.0f} steps/s"
-        self._progress.update(self._task, completed=step, rate=rate, error=energy_error, refresh=True)
+        note = "" if energy_error is None else f", energy error {energy_error:+.1e}"
+        self._progress.update(self._task, completed=step, rate=rate, note=note, refresh=True)

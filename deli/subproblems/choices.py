@@ -17,7 +17,7 @@ class SolverChoice:
     Parameters
     ----------
     backend : str
-        A name from `solvers.available()`, or ``"auto"``: the explicit chain daqp, piqp, error.
+        A name from `solvers.available()`, or ``"auto"``: the explicit chain native, daqp, piqp, error.
     tolerance : float
         Scaled KKT residual that counts as solved; it means the same for every backend.
     polish : bool

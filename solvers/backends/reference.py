@@ -12,6 +12,7 @@ from solvers.backends.base import Answer, Backend
 from solvers.canonical import Canonical, kept_values
 from solvers.errors import NotInstalledError, SolverError, UnknownBackendError
 from solvers.solution import Status
+from solvers.threads import CVXPY
 
 STATUS = {
     cp.OPTIMAL: Status.SOLVED,
@@ -63,7 +64,7 @@ class Reference(Backend):
         problem = self.canonical.problem
         program = self.canonical.map.program
         x, y = np.full(program.variables, np.nan), np.full(program.rows, np.nan)
-        with kept_values(problem), warnings.catch_warnings():
+        with CVXPY, kept_values(problem), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             for parameter in problem.parameters():
                 parameter.save_value(self.canonical.views[parameter.name()].copy())

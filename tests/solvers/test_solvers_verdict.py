@@ -120,24 +120,25 @@ def test_a_chain_goes_on_and_counts(registered, monkeypatch):
 
 
 @pytest.mark.parametrize("problem", SOLVABLE, ids=lambda problem: problem.name)
-def test_auto_needs_no_fallback_on_known_problems(problem):
+def test_auto_falls_back_on_known_problems_without_curvature_only(problem):
     solution = solvers.compile(problem.model()).solve(**problem.values())
     assert solution.ok
-    assert (solution.fallbacks, solution.backend) == (0, "daqp")
+    curved = problem.name != "semidefinite metric"
+    assert (solution.fallbacks, solution.backend) == ((0, "native") if curved else (1, "daqp"))
 
 
 @pytest.mark.parametrize("problem", INFEASIBLE, ids=lambda problem: problem.name)
 def test_auto_recognizes_infeasible_problems(problem):
     solution = solvers.compile(problem.model()).solve(**problem.values())
-    assert (solution.status, solution.fallbacks, solution.backend) == (Status.INFEASIBLE, 1, "piqp")
+    assert (solution.status, solution.fallbacks, solution.backend) == (Status.INFEASIBLE, 2, "piqp")
 
 
 def test_options_of_a_chain_are_given_by_member():
-    compiled = solvers.compile(PROBLEM.model(), "auto", daqp={"iter_limit": 1})
+    compiled = solvers.compile(PROBLEM.model(), "auto", native={"max_iterations": 1})
     solution = compiled.solve(**PROBLEM.values())
     assert solution.ok
-    assert solution.backend == "piqp"
-    with pytest.raises(solvers.SolverError, match="one mapping for daqp, piqp"):
+    assert solution.backend == "daqp"
+    with pytest.raises(solvers.SolverError, match="one mapping for native, daqp, piqp"):
         solvers.compile(PROBLEM.model(), "auto", iter_limit=1)
 
 

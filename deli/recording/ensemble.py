@@ -1,0 +1,178 @@
+"""Rows of many runs of one shape at once: arrays with the member first, and the tree that users see."""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from deli.errors import InputError
+from deli.kernels.advance import BLOCK, Block
+from deli.kernels.record import Record, Records
+from deli.mechanics.scene import Scene
+from deli.recording import netcdf
+from deli.recording.recorder import STAT_NAMES, named_diagnostics
+from deli.recording.schema import STATS, TRAJECTORY, Schema, Variable, coordinates
+from deli.subproblems.stats import UNUSED
+
+MEMBER = "member"
+_MEMINFO = Path("/proc/meminfo")
+
+
+class Gathering:
+    """Where steppers write the rows of all members.
+
+    Parameters
+    ----------
+    members, rows : int
+    schema : Schema
+
+    Raises
+    ------
+    InputError
+        If the rows need more memory than there is.
+    """
+
+    def __init__(self, members: int, rows: int, schema: Schema) -> None:
+        dimension = schema.dimension
+        columns = 4 + dimension + {1: 0, 2: 1, 3: 3}[dimension]
+        shapes: dict[str, tuple[tuple[int, ...], Any]] = {
+            "progress": ((2,), np.int64),
+            "steps": ((rows,), np.int64),
+            "position": ((rows, schema.dof), np.float64),
+            "momentum": ((rows, schema.dof), np.float64),
+            "diagnostics": ((rows, columns), np.float64),
+            "counts": ((rows, 5, 3), np.int64),
+            "times": ((rows, 2, 3), np.float64),
+            "residuals": ((rows, 3, 3), np.float64),
+            "status": ((rows, 3), np.int64),
+            "contacts": ((rows, 2), np.int64),
+        }
+        entries = sum(int(np.prod(shape)) for shape, _ in shapes.values())
+        _require_memory(members, rows, 8 * members * (entries + 2 * rows))
+        self.fields = Block(**{name: np.zeros((members, *shape), dtype) for name, (shape, dtype) in shapes.items()})
+        self._schema = schema
+        self._records = Records(BLOCK, self.fields, members)
+
+    def block(self, member: int) -> Record:
+        """Where a member's rows go."""
+        return self._records[member]
+
+    @property
+    def steps_taken(self) -> np.ndarray:
+        """Steps that each member has taken."""
+        return self.fields.progress[:, 0]
+
+    def tree(
+        self, time: np.ndarray, labels: Mapping[str, Any], outcomes: Sequence[str], attributes: Mapping[str, Any]
+    ) -> xr.DataTree:
+        """Return all rows; those that a member has not got to are nan, or count nothing."""
+        self._pad()
+        fields = self.fields
+        columns = [fields.counts[:, 1:, k] for k in range(5)] + [fields.times[:, 1:, k] for k in range(2)]
+        columns += [fields.residuals[:, 1:, k] for k in range(3)] + [fields.status[:, 1:].astype(np.int8)]
+        values = {
+            "time": time,
+            "position": fields.position,
+            "momentum": fields.momentum,
+            **named_diagnostics(fields.diagnostics, self._schema.dimension),
+            "smooth_contacts": fields.contacts[..., 0],
+            "reflected_contacts": fields.contacts[..., 1],
+            "step": np.arange(len(time) - 1),
+            **dict(zip(STAT_NAMES, columns, strict=True)),
+        }
+        named = {MEMBER: np.arange(len(outcomes)), **labels}
+        about_members = {
+            **{name: xr.Variable(MEMBER, column) for name, column in named.items()},
+            "outcome": xr.Variable(MEMBER, np.array(outcomes), {"long_name": "how the member's run ended"}),
+            "steps_taken": xr.Variable(MEMBER, self.steps_taken.copy(), {"units": "1", "long_name": "steps taken"}),
+        }
+        datasets = {"/": xr.Dataset(about_members, attrs=dict(attributes)).set_coords(list(named))}
+        constants = self._schema.constants()
+        for group, variables in self._schema.groups.items():
+            found = {variable.name: _variable(variable, group, constants[group] | values) for variable in variables}
+            datasets[f"/{group}"] = xr.Dataset(found).set_coords([name for name in coordinates(group) if name in found])
+        return xr.DataTree.from_dict(datasets)
+
+    def _pad(self) -> None:
+        fields, rows = self.fields, self.fields.steps.shape[1]
+        for member in np.flatnonzero(fields.progress[:, 1] < rows):
+            rest = slice(int(fields.progress[member, 1]), None)
+            for array in (fields.position, fields.momentum, fields.diagnostics, fields.times, fields.residuals):
+                array[member, rest] = np.nan
+            fields.counts[member, rest], fields.contacts[member, rest] = 0, 0
+            fields.status[member, rest] = UNUSED
+
+
+def write(tree: xr.DataTree, path: Path) -> None:
+    """Write a tree to a file that appears under its name when it is whole."""
+    fresh = path.with_name(f"{path.name}.new")
+    try:
+        with netcdf.LIBRARY:
+            tree.to_netcdf(fresh, engine="netcdf4")
+        os.replace(fresh, path)
+    except OSError as error:
+        raise netcdf.RecordingError(f"{path} could not be written ({error}). Is the disk full?") from error
+
+
+def check_labels(labels: Mapping[str, Any] | None, members: int, schema: Schema) -> dict[str, np.ndarray]:
+    """Return the labels as arrays.
+
+    Raises
+    ------
+    InputError
+        If one has not a value for each member, or the name of something else.
+    """
+    taken = {variable.name for variables in schema.groups.values() for variable in variables}
+    taken |= {"outcome", "steps_taken", TRAJECTORY, STATS, *schema.sizes}
+    found = {}
+    for name, values in ({} if labels is None else labels).items():
+        array = np.asarray(values)
+        if array.shape != (members,):
+            raise InputError(
+                f"labels: {name!r} has shape {array.shape}; pass one value for each of the {members} scenes"
+            )
+        if not isinstance(name, str) or name in taken:
+            raise InputError(f"labels: {name!r} names something else in the run, or is no string; use another name")
+        found[name] = array
+    return found
+
+
+def same(scenes: Sequence[Scene], name: str) -> bool:
+    """Whether an attribute of all scenes is the same, by identity or, if it is an array or a name, by value."""
+    first = getattr(scenes[0], name)
+    others = (getattr(scene, name) for scene in scenes)
+    if isinstance(first, np.ndarray):
+        return all(other is first or np.array_equal(other, first) for other in others)
+    return all(other is first or (isinstance(first, str) and other == first) for other in others)
+
+
+def _variable(variable: Variable, group: str, values: Mapping[str, np.ndarray]) -> xr.Variable:
+    shared = not variable.grows or variable.name in coordinates(group)
+    dims = variable.dims if shared else (MEMBER, *variable.dims)
+    return xr.Variable(dims, values[variable.name], variable.attributes)
+
+
+def _require_memory(members: int, rows: int, needed: int) -> None:
+    available = _available_memory()
+    if needed > available:
+        raise InputError(
+            f"scenes: {members} members of {rows} rows each need {needed / 1e9:.3g} GB of memory, and "
+            f"{available / 1e9:.3g} GB are available; record fewer rows (a larger every), or pass fewer scenes at once."
+        )
+
+
+def _available_memory() -> float:
+    """Bytes that can be had without swapping; inf where the system does not say."""
+    try:
+        for line in _MEMINFO.read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return 1024.0 * int(line.split()[1])
+    except (OSError, ValueError):
+        pass
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, OSError, ValueError):
+        return float("inf")

@@ -1,0 +1,127 @@
+"""Threads that run the members of an ensemble, a few at a time each."""
+
+import itertools
+import threading
+import time
+from collections import deque
+from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
+from typing import Any
+
+from deli.integrators.systems import bind_systems, shape_of
+from deli.kernels.advance import has_strayed
+from deli.kernels.record import Record
+from deli.mechanics.scene import Scene
+from deli.mechanics.schemes import get_scheme
+from deli.recording.ensemble import Gathering
+from deli.running.interrupts import StopRequests
+from deli.running.plan import Plan
+from deli.running.progress import ProgressBar
+from deli.running.session import COMPLETE, FAILED, INTERRUPTED, REFRESH_SECONDS
+
+_MOST = 64  # members bound at once
+_Shape = tuple[int, ...] | None
+
+
+class Crew:
+    """Runs members; each thread has its own steppers, one for every shape of scene, and so its own compiled problems.
+
+    Attributes
+    ----------
+    outcomes : list of str
+        By member.
+    backends : set of str
+        Names of the backends that have solved something.
+    """
+
+    def __init__(self, plan: Plan, scenes: list[Scene], gathering: Gathering, workers: int) -> None:
+        self._plan, self._scenes, self._gathering = plan, scenes, gathering
+        self._workers = min(workers, len(scenes))
+        self._first = plan.stepper()  # refuses what does not fit together before any thread begins
+        if any(scene.unilateral.searched for scene in scenes):
+            has_strayed.compile()  # not by several threads at once
+        self._chunks = deque(_chunks(len(scenes), self._workers))
+        self._stopped, self._lock = False, threading.Lock()
+        self.outcomes = [f"{INTERRUPTED} before step 1"] * len(scenes)
+        self.backends: set[str] = set()
+
+    def run(self, stop: StopRequests, bar: ProgressBar) -> None:
+        """Run all members, or until asked to stop."""
+        with ThreadPoolExecutor(self._workers, "deli") as pool:
+            try:
+                futures = [pool.submit(self._work, number) for number in range(self._workers)]
+                self._watch(futures, stop, bar)
+            except KeyboardInterrupt:
+                stop.reason = stop.reason or "SIGINT"
+            finally:
+                self._stopped = True
+        for future in futures:
+            future.result()
+
+    def _keep_backends(self, *steppers: Any) -> None:
+        with self._lock:
+            self.backends.update(*(stepper.backends for stepper in steppers))
+
+    def _watch(self, futures: list[Future[None]], stop: StopRequests, bar: ProgressBar) -> None:
+        waiting = True
+        while waiting:
+            done, unfinished = wait(futures, REFRESH_SECONDS, FIRST_EXCEPTION)
+            waiting = bool(unfinished) and not any(future.exception() for future in done)
+            if stop.reason is not None:
+                self._stopped = True
+            if bar.active:
+                bar.update(int(self._gathering.steps_taken.sum()))
+
+    def _work(self, number: int) -> None:
+        steppers: dict[_Shape, Any] = {shape_of(self._scenes[0]): self._first} if number == 0 else {}
+        while not self._stopped:
+            try:
+                chunk = self._chunks.popleft()
+            except IndexError:
+                break
+            for shape, members in itertools.groupby(chunk, lambda member: shape_of(self._scenes[member])):
+                self._run_alike(steppers, shape, list(members))
+        self._keep_backends(*steppers.values())
+
+    def _run_alike(self, steppers: dict[_Shape, Any], shape: _Shape, members: list[int]) -> None:
+        """Run members of one shape, by its stepper."""
+        plan, scenes = self._plan, [self._scenes[member] for member in members]
+        systems = None if shape is None else bind_systems(scenes, get_scheme(plan.method.scheme))
+        for place, (member, scene) in enumerate(zip(members, scenes, strict=True)):
+            if self._stopped:
+                return
+            block = self._gathering.block(member)
+            try:
+                if shape not in steppers:
+                    steppers[shape] = plan.stepper(scene)
+                steppers[shape].switch(scene, None if systems is None else systems.addresses[place])
+                self.outcomes[member] = self._run(steppers[shape], scene, block)
+            except Exception as error:  # of a user's function: it stops its own member only
+                self.outcomes[member] = self._failure(block, f"{type(error).__name__}: {error}")
+            if self.outcomes[member] != COMPLETE and shape in steppers:
+                self._keep_backends(steppers.pop(shape))  # what it works in is as the failed step left it
+
+    def _run(self, stepper: Any, scene: Scene, block: Record) -> str:
+        plan, progress = self._plan, block.fields.progress
+        stepper.place(scene.position, scene.momentum)
+        stepper.record(block)
+        while progress[0] < plan.steps:
+            if self._stopped:
+                return f"{INTERRUPTED} after step {progress[0]}"
+            error = stepper.advance(block, plan.steps, plan.every, time.monotonic() + REFRESH_SECONDS)
+            if error is not None:
+                return self._failure(block, str(error))
+        return COMPLETE
+
+    def _failure(self, block: Record, why: str) -> str:
+        step = int(block.fields.progress[0])
+        return f"{FAILED} in step {step + 1} (from time {step * self._plan.step_size:.9g}): {why}"
+
+
+def _chunks(members: int, workers: int) -> list[range]:
+    """Ranges of members, ever smaller towards the end, so that all threads end at the same time."""
+    chunks, begin = [], 0
+    while begin < members:
+        size = max(1, min(_MOST, (members - begin) // (4 * workers)))
+        chunks.append(range(begin, begin + size))
+        begin += size
+    return chunks
