@@ -74,6 +74,14 @@ CASES = [
     Case("discs", discs, 0.02, 80),
 ]
 CASE = pytest.mark.parametrize("case", [pytest.param(case, id=case.name) for case in CASES])
+MANY_BODIES = [
+    Case("hard_rods", lambda: deli.scenes.hard_rods(rods=5), 0.05, 60),
+    Case("hard_sphere_gas", lambda: deli.scenes.hard_sphere_gas(spheres=8, filled=0.3, boundary="walls"), 0.05, 60),
+    Case("disc_pile", lambda: deli.scenes.disc_pile(rows=3, columns=3), 0.02, 30),
+    Case("chain_on_cylinder", lambda: deli.scenes.chain_on_cylinder(masses=6), 0.01, 60),
+    Case("granular_chain", lambda: deli.scenes.granular_chain(beads=6), 0.05, 60),
+]
+EVERY_CASE = pytest.mark.parametrize("case", [pytest.param(case, id=case.name) for case in CASES + MANY_BODIES])
 CASE_BY_NAME = {case.name: case for case in CASES}
 
 SCHEMES = ("midpoint", "verlet")

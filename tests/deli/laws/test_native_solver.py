@@ -1,0 +1,102 @@
+"""The compiled solver against another active-set method: on every program that runs meet, and over whole runs."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from law_cases import CASES, ENERGIES, EVERY_CASE, MANY_BODIES, PREDICTORS, Case
+from law_runs import Run, growth, run, sizes
+
+import deli
+import solvers
+from solvers import registry
+from solvers.residuals import Residuals
+
+TOLERANCE = 1e-12
+AGREE = 1e-9
+
+
+class Both(solvers.Backend):
+    """Answers as `native` does and keeps how far from that `daqp` is."""
+
+    name = "both"
+    distances: ClassVar[list[float]] = []
+    residuals: ClassVar[list[float]] = []
+
+    def __init__(self, program: solvers.QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None:
+        self._solvers = [registry.factory(name)(program, tolerance, options) for name in ("native", "daqp")]
+        self._residuals = Residuals(program)
+
+    def update(self) -> None:
+        for solver in self._solvers:
+            solver.update()
+
+    def solve(self) -> solvers.Answer:
+        native, daqp = (solver.solve() for solver in self._solvers)
+        scale = 1.0 + max(np.abs(native.x).max(initial=0.0), np.abs(daqp.x).max(initial=0.0))
+        self.distances.append(float(np.abs(native.x - daqp.x).max(initial=0.0) / scale))
+        self.residuals.extend(self._residuals.compute(answer.x, answer.y) for answer in (native, daqp))
+        return native
+
+
+@pytest.fixture(autouse=True)
+def _registered() -> Iterator[None]:
+    registry.register("both", Both)
+    Both.distances.clear()
+    Both.residuals.clear()
+    yield
+    registry.unregister("both")
+
+
+def apart(one: Run, other: Run, step_size: float) -> float:
+    """The largest difference of two runs; momenta of what rests are compared with what the forces give in a step."""
+    position, momentum = sizes(one)
+    impulse = step_size * np.abs(one.scene.potential.gradient(one.position[0])).max()
+    return max(
+        float(np.abs(one.position - other.position).max()) / position,
+        float(np.abs(one.momentum - other.momentum).max()) / max(momentum, impulse),
+    )
+
+
+def methods(case: Case) -> list[object]:
+    reflecting = [
+        deli.GVI(scheme=case.scheme, energy=energy, predictor=predictor)
+        for energy in ENERGIES
+        for predictor in PREDICTORS
+    ]
+    return [*reflecting, deli.DiscreteSmooth(scheme=case.scheme)]
+
+
+@EVERY_CASE
+def test_every_program_has_one_answer(case: Case) -> None:
+    scene = case.build()
+    for method in methods(case):
+        before, choice = len(Both.distances), {"backend": "both", "tolerance": TOLERANCE}
+        run(scene, method, case.step_size, case.steps // 2, solvers=choice, skip=False)
+        assert len(Both.distances) - before >= case.steps // 2  # one projection a step at least
+    assert np.max(Both.distances) <= AGREE
+    assert np.max(Both.residuals) <= AGREE
+
+
+@EVERY_CASE
+def test_a_run_is_the_same_with_the_native_solver(case: Case) -> None:
+    scene, method = case.build(), deli.GVI(scheme=case.scheme)
+    native, other = (
+        run(scene, method, case.step_size, case.steps, solvers=backend, skip=True) for backend in ("native", "daqp")
+    )
+    np.testing.assert_array_equal(native.smooth, other.smooth)
+    np.testing.assert_array_equal(native.reflected, other.reflected)
+    allowed = growth(other, method, case.step_size) * (native.rounding + other.rounding)
+    assert apart(native, other, case.step_size) <= allowed
+    assert allowed < 1e-3  # or anything would do
+
+
+def test_the_runs_meet_contacts() -> None:
+    runs = [
+        run(case.build(), deli.GVI(scheme=case.scheme), case.step_size, case.steps, solvers="native")
+        for case in CASES + MANY_BODIES
+    ]
+    assert sum(known.reflected.sum() > 0 for known in runs) >= 8
+    assert sum(known.smooth.sum() > 0 for known in runs) >= 5
+    assert max(known.reflected.max() for known in runs) >= 3
