@@ -1,0 +1,84 @@
+"""Scenes of plain Python functions move as the same scenes of tables do."""
+
+import numpy as np
+import pytest
+from law_cases import METHODS
+from law_runs import difference, growth, run
+
+import deli
+
+
+def cradle() -> tuple[deli.Scene, deli.Scene]:
+    """Newton's cradle as a table, and as functions."""
+    table = deli.scenes.newtons_cradle(balls=4)
+    balls, start = table.bodies, table.position.reshape(-1, 2)
+    pivots = np.stack([0.5 * (np.arange(balls) - 0.5 * (balls - 1)), np.zeros(balls)], axis=1)
+    weight = np.tile([0.0, 9.8], balls) * table.mass
+
+    def rods(q):
+        return np.linalg.norm(q.reshape(-1, 2) - pivots, axis=1) - 1.0
+
+    def rods_jacobian(q):
+        arms = q.reshape(-1, 2) - pivots
+        jacobian = np.zeros((balls, balls, 2))
+        jacobian[range(balls), range(balls)] = arms / np.linalg.norm(arms, axis=1, keepdims=True)
+        return jacobian.reshape(balls, -1)
+
+    def gaps(q):
+        return np.linalg.norm(np.diff(q.reshape(-1, 2), axis=0), axis=1) - 0.5
+
+    def gaps_jacobian(q):
+        apart = np.diff(q.reshape(-1, 2), axis=0)
+        normals = apart / np.linalg.norm(apart, axis=1, keepdims=True)
+        jacobian = np.zeros((balls - 1, balls, 2))
+        pair = np.arange(balls - 1)
+        jacobian[pair, pair], jacobian[pair, pair + 1] = -normals, normals
+        return jacobian.reshape(balls - 1, -1)
+
+    return table, deli.Scene(
+        mass=table.mass,
+        position=start,
+        momentum=table.momentum,
+        potential=deli.Potential(
+            energy=lambda q: weight @ q, gradient=lambda q: weight, hessian=lambda q: np.zeros((q.size, q.size))
+        ),
+        unilateral=[deli.Constraints(gaps, gaps_jacobian)],
+        bilateral=[deli.Constraints(rods, rods_jacobian)],
+        dimension=2,
+    )
+
+
+def pogo_stick() -> tuple[deli.Scene, deli.Scene]:
+    """The pogo stick as a table, and as functions."""
+    table = deli.scenes.pogo_stick()
+    hessian = 10.0 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+
+    def force(q):
+        stretch = abs(q[0] - q[1]) - 5.0
+        return 9.8 + 10.0 * stretch * np.sign(q[0] - q[1]) * np.array([1.0, -1.0])
+
+    return table, deli.Scene(
+        mass=table.mass,
+        position=table.position,
+        momentum=table.momentum,
+        potential=deli.Potential(
+            energy=lambda q: 9.8 * q.sum() + 5.0 * (abs(q[0] - q[1]) - 5.0) ** 2,
+            gradient=force,
+            hessian=lambda q: hessian,
+        ),
+        unilateral=[deli.Constraints(lambda q: q[1:], lambda q: np.array([[0.0, 1.0]]))],
+    )
+
+
+@pytest.mark.parametrize("solvers", ["native", "daqp"])
+@pytest.mark.parametrize("method", METHODS, ids=str)
+@pytest.mark.parametrize(("build", "step_size", "steps"), [(cradle, 0.02, 50), (pogo_stick, 0.05, 60)])
+def test_functions_move_as_tables_do(build, step_size, steps, method, solvers) -> None:
+    table, functions = build()
+    known, found = (run(scene, method, step_size, steps, solvers=solvers) for scene in (table, functions))
+    np.testing.assert_array_equal(found.smooth, known.smooth)
+    np.testing.assert_array_equal(found.reflected, known.reflected)
+    assert found.reflected.sum() > 0 or isinstance(method, deli.DiscreteSmooth)
+    assert difference(known, found) <= growth(known, method, step_size, solvers=solvers) * (
+        known.rounding + found.rounding
+    )
