@@ -2,6 +2,7 @@
 
 import ctypes
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +15,9 @@ from deli.subproblems.choices import SUBPROBLEMS, SolverChoice
 from deli.subproblems.reflection import OPERATORS
 
 NATIVE = ("native", "auto")
-_FARTHEST = 0.25  # of a pair's distance: gaps searched beyond it cost more than searching again
+_FARTHEST = 0.5  # of a pair's distance: gaps searched beyond it cost more than searching again
 _STEPS = 12  # steps that the fastest bodies take before neighbours are searched again
-_LARGEST_HESSIAN = 3000
+_LARGEST_NEWTON = 300  # degrees of freedom beyond which a dense factor costs more than the iterations it saves
 
 
 def bind_system(scene: Scene, scheme: Scheme) -> System:
@@ -40,7 +41,7 @@ def bind_system(scene: Scene, scheme: Scheme) -> System:
         component=components(scene.bodies, held),
         length=scene.length_scale,
         constant=constant,
-        newton=not constant and known and scene.dof <= _LARGEST_HESSIAN,
+        newton=not constant and known and scene.dof <= _LARGEST_NEWTON,
         curved=curved,
         coupled=not constant or other_unilateral + other_bilateral > 0,
         other_forces=bool(potential.others),
@@ -106,73 +107,80 @@ def bind_method(
     )
 
 
-def work_arrays(system: System) -> tuple[Work, Islands, Program]:
-    """Return what the steps of a system need to work in."""
+def work_arrays(
+    system: System, numerical: bool, known: tuple[Work, Islands, Program] | None = None
+) -> tuple[Work, Islands, Program]:
+    """Return what the steps of a system need to work in; arrays of `known` that have the right size are kept."""
     dof, bodies, dimension = system.mass.size, system.component.size, system.dimension
     rows, held = system.unilateral.kind.size, system.bilateral.kind.size
-    shapes: dict[str, tuple[tuple[int, ...], type]] = {
-        "normals": ((rows, dimension), float),
-        "normals_moved": ((rows, dimension), float),
-        "gradients": ((system.other_unilateral, dof), float),
-        "gradients_moved": ((system.other_unilateral, dof), float),
-        "held_normals": ((held, dimension), float),
-        "held_normals_moved": ((held, dimension), float),
-        "held_gradients": ((system.other_bilateral, dof), float),
-        "held_gradients_moved": ((system.other_bilateral, dof), float),
-        "mismatch": ((held,), float),
-        "report": ((8,), float),
-        "ticks": ((2,), np.int64),
+    by_row = dict.fromkeys(
+        ("gaps", "gaps_moved", "approach", "still", "pressed", "scaled", "best_pressed", "best_scaled"), (rows,)
+    )
+    flags = dict.fromkeys(("touching", "active", "landing", "resting"), (rows,))
+    lists = dict.fromkeys(("marked", "chosen", "smooth", "pressing"), (rows,)) | {"ticks": (2,)}
+    shapes: dict[str, tuple[int, ...]] = {
+        **dict.fromkeys(Work._fields, (dof,)),
+        **by_row,
+        **flags,
+        **lists,
+        **dict.fromkeys(("normals", "normals_moved"), (rows, dimension)),
+        **dict.fromkeys(("gradients", "gradients_moved"), (system.other_unilateral, dof)),
+        **dict.fromkeys(("held_normals", "held_normals_moved"), (held, dimension)),
+        **dict.fromkeys(("held_gradients", "held_gradients_moved"), (system.other_bilateral, dof)),
+        "mismatch": (held,),
+        "report": (8,),
     }
-    for name in ("gaps", "gaps_moved", "approach", "still", "pressed", "scaled", "best_pressed", "best_scaled"):
-        shapes[name] = ((rows,), float)
-    for name in ("touching", "active", "landing", "resting"):
-        shapes[name] = ((rows,), np.bool_)
-    for name in ("marked", "chosen", "smooth", "pressing"):
-        shapes[name] = ((rows,), np.int64)
-    arrays: dict[str, np.ndarray] = {name: np.zeros(*shapes.get(name, ((dof,), float))) for name in Work._fields}
-    all_rows = rows + held
-    entries = 2 * dimension * all_rows + (system.other_unilateral + system.other_bilateral) * dof
-    curved = dof if system.curved and dof <= _LARGEST_HESSIAN else 0
-    if curved:
-        entries = all_rows * dof
-    program = Program(
-        start=np.zeros(all_rows + 1, dtype=np.int64),
-        column=np.zeros(entries, dtype=np.int64),
-        value=np.zeros(entries),
-        bounds=np.zeros(all_rows),
-        lengths=np.ones(2 * all_rows),
-        wish=np.zeros(dof),
-        z=np.zeros(dof),
-        y=np.zeros(all_rows),
-        metric=np.zeros((curved, curved)),
-        factor=np.zeros((curved, curved)),
-        white_start=np.zeros(all_rows + 1 if curved else 0, dtype=np.int64),
-        white_column=np.zeros(all_rows * curved, dtype=np.int64),
-        white_value=np.zeros(all_rows * curved),
-        report=np.zeros(4),
-    )
-    by_body = [np.zeros(bodies, dtype=np.int64) for _ in range(3)]
-    islands = Islands(
-        *by_body,
-        np.zeros(bodies + 2, dtype=np.int64),
-        np.zeros(bodies, dtype=np.int64),
-        np.zeros(bodies + 2, dtype=np.int64),
-        np.zeros(rows, dtype=np.int64),
-        np.zeros(bodies + 2, dtype=np.int64),
-        np.zeros(held, dtype=np.int64),
-    )
-    return Work(**arrays), islands, program
+    kinds = dict.fromkeys(flags, np.bool_) | dict.fromkeys(lists, np.int64)
+    work = Work(**_arrays(shapes, kinds, known and known[0]))
+
+    every = rows + held
+    metric = _metric_size(system, numerical)
+    others = system.other_unilateral + system.other_bilateral
+    entries = every * metric if metric else 2 * dimension * every + others * dof
+    shapes = dict.fromkeys(("bounds", "y"), (every,)) | dict.fromkeys(("wish", "z"), (dof,))
+    shapes |= {
+        "start": (every + 1,),
+        "column": (entries,),
+        "value": (entries,),
+        "lengths": (2 * every,),
+        "report": (4,),
+    }
+    shapes |= dict.fromkeys(("metric", "factor"), (metric, metric))
+    shapes |= {"white_start": (every + 1,)} | dict.fromkeys(("white_column", "white_value"), (every * metric,))
+    kinds = dict.fromkeys(("start", "column", "white_start", "white_column"), np.int64)
+    program = Program(**_arrays(shapes, kinds, known and known[2]))
+
+    shapes = dict.fromkeys(("body_start", "row_start", "held_start", "joint_start"), (bodies + 2,))
+    shapes |= dict.fromkeys(("parent", "label", "place", "bodies"), (bodies,)) | {"touched": (bodies + 1,)}
+    shapes |= {"rows": (rows,), "held": (held,), "joints": (2 * rows,)}
+    islands = Islands(**_arrays(shapes, dict.fromkeys(Islands._fields, np.int64), known and known[1]))
+    if known is None:
+        islands.label[:] = -1
+    return work, islands, program
 
 
-def mail_arrays(system: System) -> Mail:
+def _metric_size(system: System, numerical: bool) -> int:
+    """Order of the dense metrics that a step needs."""
+    return system.mass.size if system.newton or (numerical and system.curved) else 0
+
+
+def _arrays(shapes: dict[str, tuple[int, ...]], kinds: dict[str, Any], known: Any) -> dict[str, np.ndarray]:
+    arrays = {}
+    for name, shape in shapes.items():
+        kept = getattr(known, name, None)
+        arrays[name] = kept if kept is not None and kept.shape == shape else np.zeros(shape, kinds.get(name, float))
+    return arrays
+
+
+def mail_arrays(system: System, numerical: bool) -> Mail:
     """Return what functions that are not compiled read and write."""
     dof = system.mass.size
-    curved = dof if system.curved and dof <= _LARGEST_HESSIAN else 0
+    metric = _metric_size(system, numerical)
     return Mail(
         at=np.zeros(dof),
         energy=np.zeros(1),
         gradient=np.zeros(dof),
-        hessian=np.zeros((curved, curved)),
+        hessian=np.zeros((metric, metric)),
         unilateral=np.zeros(system.other_unilateral),
         bilateral=np.zeros(system.other_bilateral),
         unilateral_gradients=np.zeros((system.other_unilateral, dof)),

@@ -81,7 +81,7 @@ class Stepper:
             (projection.model, projection.model),
         )
         self._solvers = [
-            ProgramSolver(number, *pair, program, choice, self.stats, measured=number != codes.POSITION)
+            ProgramSolver(number, *pair, program, choice, self.stats, measured=number != codes.POSITION, skip=skip)
             for number, (pair, choice) in enumerate(zip(models, self.choices.values(), strict=True))
         ]
         self._bridge = Bridge(scene, self._mail, self._solvers, self._method.numerical)
@@ -166,6 +166,8 @@ class Stepper:
 
     def record(self, block: Record) -> None:
         """Write the state as the next row of `block`, with what the steps since the row before have cost."""
+        if block.fields.progress[1] == len(block.fields.steps):
+            raise InputError(f"the block is full: all of its {len(block.fields.steps)} rows are written.")
         code = record_state.call(self._machine.address, block.address)
         if code != codes.DONE:
             self._raise(code)
@@ -208,9 +210,9 @@ class Stepper:
 
     def _bind_scene(self) -> Program:
         self._system, self._tries = bind_system(self.scene, self._scheme), 0
-        self._mail = mail_arrays(self._system)
-        self._work, self._islands, program = work_arrays(self._system)
-        return program
+        self._mail = mail_arrays(self._system, self._method.numerical)
+        self._work, self._islands, self._program = work_arrays(self._system, self._method.numerical)
+        return self._program
 
     def _bind(self, program: Program) -> Record:
         parts = (self._system, self._method, self._work, self._islands, program, self._mail, self._bridge.hooks)
@@ -224,13 +226,12 @@ class Stepper:
         self._tries += 1
 
     def _search(self, factor: float) -> None:
-        q, p = self._work.q, self._work.p
-        self._system = search(self._system, self.scene, q, p, self.step_size, factor)
-        self._work, self._islands, program = work_arrays(self._system)
-        self._work.q[:], self._work.p[:] = q, p
+        self._system = search(self._system, self.scene, *self.state, self.step_size, factor)
+        known = (self._work, self._islands, self._program)
+        self._work, self._islands, self._program = work_arrays(self._system, self._method.numerical, known)
         for solver in self._solvers:
-            solver.bind(program)
-        self._machine = self._bind(program)
+            solver.bind(self._program)
+        self._machine = self._bind(self._program)
 
     def _raise(self, code: int) -> NoReturn:
         """Raise what a kernel's code means."""
