@@ -83,17 +83,21 @@ class Gathering:
             "step": np.arange(len(time) - 1),
             **dict(zip(STAT_NAMES, columns, strict=True)),
         }
-        named = {MEMBER: np.arange(len(outcomes)), **labels}
-        about_members = {
-            **{name: xr.Variable(MEMBER, column) for name, column in named.items()},
+        named = {name: xr.Variable(MEMBER, column) for name, column in labels.items()}
+        root = {
+            MEMBER: xr.Variable(MEMBER, np.arange(len(outcomes))),
+            **named,
             "outcome": xr.Variable(MEMBER, np.array(outcomes), {"long_name": "how the member's run ended"}),
             "steps_taken": xr.Variable(MEMBER, self.steps_taken.copy(), {"units": "1", "long_name": "steps taken"}),
         }
-        datasets = {"/": xr.Dataset(about_members, attrs=dict(attributes)).set_coords(list(named))}
+        datasets = {"/": xr.Dataset(root, attrs=dict(attributes)).set_coords([MEMBER, *named])}
         constants = self._schema.constants()
         for group, variables in self._schema.groups.items():
-            found = {variable.name: _variable(variable, group, constants[group] | values) for variable in variables}
-            datasets[f"/{group}"] = xr.Dataset(found).set_coords([name for name in coordinates(group) if name in found])
+            found = named | {
+                variable.name: _variable(variable, group, constants[group] | values) for variable in variables
+            }
+            names = [*named, *(name for name in coordinates(group) if name in found)]
+            datasets[f"/{group}"] = xr.Dataset(found).set_coords(names)
         return xr.DataTree.from_dict(datasets)
 
     def _pad(self) -> None:

@@ -109,16 +109,18 @@ def test_many_members_are_taken_in_chunks():
     assert len(chunks[-1]) == 1
 
 
-class TestTree:
-    @pytest.fixture(scope="class")
-    def run(self):
-        labels = {"height": np.linspace(0.5, 2.0, 6), "colour": list("abcdef")}
-        return deli.simulate_ensemble(pogo_sticks(), deli.GVI(), step_size=0.1, steps=5, every=2, labels=labels)
+@pytest.fixture(scope="module")
+def run():
+    labels = {"height": np.linspace(0.5, 2.0, 6), "colour": list("abcdef")}
+    return deli.simulate_ensemble(pogo_sticks(), deli.GVI(), step_size=0.1, steps=5, every=2, labels=labels)
 
+
+class TestTree:
     def test_members_come_first_and_are_labelled(self, run):
         assert run["trajectory"]["position"].dims == ("member", "time", "dof")
         assert run["solver_stats"]["solves"].dims == ("member", "step", "subproblem")
-        assert run["trajectory"]["position"].sel(member=3)["height"] == run["height"][3]
+        for group in run.children:
+            assert run[group].sel(member=3)["height"] == run["height"][3]
         np.testing.assert_array_equal(run["trajectory"]["time"], [0.0, 0.2, 0.4, 0.5])
         np.testing.assert_array_equal(run["member"], np.arange(6))
         np.testing.assert_array_equal(run["steps_taken"], 5)
