@@ -27,7 +27,12 @@ if TYPE_CHECKING:
 
 
 def compile(
-    problem: "cvxpy.Problem", backend: str = "auto", tolerance: float = 1e-9, polish: bool = False, **options: Any
+    problem: "cvxpy.Problem",
+    backend: str = "auto",
+    tolerance: float = 1e-9,
+    polish: bool = False,
+    check_parameters: bool = True,
+    **options: Any,
 ) -> "CompiledProblem":
     """Canonicalize a cvxpy problem once, for many solves with changing Parameters.
 
@@ -41,6 +46,9 @@ def compile(
         Bound on the scaled KKT residuals (`solvers.residuals`); means the same for every backend.
     polish : bool
         Refine each answer by solving the linear system of its active set (`solvers.polish`).
+    check_parameters : bool
+        Check at every solve that values are what their Parameters declare (positive semidefinite, nonnegative, ...).
+        Without, that is the caller's business.
     **options
         The backend's own settings, by its own names. For a chain, one mapping per member, by its name.
 
@@ -66,7 +74,7 @@ def compile(
     from solvers.canonical import canonicalize  # cvxpy takes a second to import
 
     with CVXPY:
-        return CompiledProblem(canonicalize(problem), backend, tolerance, polish, table)
+        return CompiledProblem(canonicalize(problem), backend, tolerance, polish, check_parameters, table)
 
 
 class CompiledProblem:
@@ -94,6 +102,7 @@ class CompiledProblem:
         backend: str,
         tolerance: float,
         polish: bool,
+        check_parameters: bool,
         options: Mapping[str, Mapping[str, Any]],
     ) -> None:
         self.parameters = canonical.views
@@ -102,7 +111,7 @@ class CompiledProblem:
         self.tolerance = tolerance
         self._map = canonical.map
         self._primal, self._dual = canonical.primal, canonical.dual
-        self._checks = checks(canonical.problem.parameters(), self.parameters)
+        self._checks = checks(canonical.problem.parameters(), self.parameters) if check_parameters else ()
         self._residuals = Residuals(self.program)
         self._canonical = canonical
         self._members = tuple(options)

@@ -1,6 +1,8 @@
 """A scene bound to a method: the arrays that kernels read, and those they work in."""
 
 import ctypes
+import math
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
@@ -15,6 +17,7 @@ from deli.subproblems.choices import SUBPROBLEMS, SolverChoice
 from deli.subproblems.reflection import OPERATORS
 
 NATIVE = ("native", "auto")
+_APART = 128  # bytes around what a stepper writes to, which processors keep from others that write nearby
 _FARTHEST = 0.5  # of a pair's distance: gaps searched beyond it cost more than searching again
 _STEPS = 12  # steps that the fastest bodies take before neighbours are searched again
 _LARGEST_NEWTON = 300  # degrees of freedom beyond which a dense factor costs more than the iterations it saves
@@ -164,11 +167,21 @@ def _metric_size(system: System, numerical: bool) -> int:
     return system.mass.size if system.newton or (numerical and system.curved) else 0
 
 
-def _arrays(shapes: dict[str, tuple[int, ...]], kinds: dict[str, Any], known: Any) -> dict[str, np.ndarray]:
-    arrays = {}
+def _arrays(shapes: Mapping[str, tuple[int, ...]], kinds: Mapping[str, Any], known: Any) -> dict[str, np.ndarray]:
+    arrays: dict[str, np.ndarray] = {}
+    begin, new = _APART, []
     for name, shape in shapes.items():
         kept = getattr(known, name, None)
-        arrays[name] = kept if kept is not None and kept.shape == shape else np.zeros(shape, kinds.get(name, float))
+        if kept is not None and kept.shape == shape:
+            arrays[name] = kept
+            continue
+        kind = np.dtype(kinds.get(name, float))
+        size = math.prod(shape) * kind.itemsize
+        new.append((name, begin, size, kind, shape))
+        begin += size + -size % 8
+    memory = np.zeros(begin + _APART, dtype=np.uint8)
+    for name, begin, size, kind, shape in new:
+        arrays[name] = memory[begin : begin + size].view(kind).reshape(shape)
     return arrays
 
 

@@ -64,8 +64,7 @@ class Bridge:
 
     def _answer(self, what: int, *_: int) -> int:
         try:
-            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                self._answers[what]()
+            self._answers[what]()
         except BaseException as error:  # handed on once the kernel has returned
             self.raised = error
             return 1
@@ -75,8 +74,7 @@ class Bridge:
         try:
             newton = subproblem >= NEWTON
             solver = self._solvers[subproblem - NEWTON if newton else subproblem]
-            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                solver.solve(size, equalities, rows, newton)
+            solver.solve(size, equalities, rows, newton)
         except BaseException as error:  # handed on once the kernel has returned
             self.raised = error
             return 1

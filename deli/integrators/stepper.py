@@ -10,6 +10,7 @@ from deli.integrators.bridge import Bridge
 from deli.kernels import system as codes
 from deli.kernels.advance import advance, has_strayed, make_block, record_state
 from deli.kernels.build import ready
+from deli.kernels.compiled import Unit
 from deli.kernels.record import Record
 from deli.kernels.step import reflect_touching, step
 from deli.kernels.system import MACHINE, Machine, Program
@@ -124,10 +125,10 @@ class Stepper:
             If a subproblem could not be solved, or the state is no longer finite.
         """
         self.place(position, momentum)
-        code = step.call(self._machine.address, False)
+        code = self._call(step, False)
         while code == codes.REFRESH:
             self._widen()
-            code = step.call(self._machine.address, False)
+            code = self._call(step, False)
         if code != codes.DONE:
             self._raise(code)
         moved, carried = self._work.moved.copy(), self._work.carried.copy()
@@ -144,7 +145,7 @@ class Stepper:
             If the reflection does not end or a solver fails.
         """
         self.place(position, momentum)
-        code = reflect_touching.call(self._machine.address)
+        code = self._call(reflect_touching)
         if code != codes.DONE:
             self._raise(code)
         return self._work.momentum.copy()
@@ -160,7 +161,7 @@ class Stepper:
         self._work.p[:] = momentum
         self._tries = 0
         if self.scene.unilateral.searched:
-            known = self._system.reference.size and not has_strayed.call(self._machine.address)
+            known = self._system.reference.size and not self._call(has_strayed)
             if not known:
                 self._search(1.0)
 
@@ -168,7 +169,7 @@ class Stepper:
         """Write the state as the next row of `block`, with what the steps since the row before have cost."""
         if block.fields.progress[1] == len(block.fields.steps):
             raise InputError(f"the block is full: all of its {len(block.fields.steps)} rows are written.")
-        code = record_state.call(self._machine.address, block.address)
+        code = self._call(record_state, block.address)
         if code != codes.DONE:
             self._raise(code)
 
@@ -196,7 +197,7 @@ class Stepper:
         self._tries, progress = 0, block.fields.progress
         while True:
             before = progress[0]
-            code = advance.call(self._machine.address, block.address, steps, every, deadline)
+            code = self._call(advance, block.address, steps, every, deadline)
             self._tries = 0 if progress[0] > before else self._tries
             if code == codes.DONE:
                 return None
@@ -217,6 +218,12 @@ class Stepper:
     def _bind(self, program: Program) -> Record:
         parts = (self._system, self._method, self._work, self._islands, program, self._mail, self._bridge.hooks)
         return Record(MACHINE, Machine(*parts, self.stats.tally))
+
+    def _call(self, unit: Unit, *arguments: Any) -> int:
+        """Call a unit; what it asks of Python may overflow, which is seen in what comes of it."""
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            code: int = unit.call(self._machine.address, *arguments)
+        return code
 
     def _widen(self) -> None:
         """Search neighbours anew, farther each time that the same step asks for it."""

@@ -3,11 +3,11 @@
 import math
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
 from deli.kernels.compiled import call, kernel, seconds, unit
 from deli.kernels.native import LARGEST, project_program
-from deli.kernels.system import DONE, MACHINE, RAISED, Machine, Program
+from deli.kernels.system import DONE, EXPORT, MACHINE, PROGRAM, RAISED, Export, Machine, Program
 from deli.kernels.tally import SOLVED, measure, note
 from deli.mechanics.tables import OTHER, Rows
 
@@ -137,29 +137,6 @@ def solve(machine: Machine, subproblem: int, size: int, equalities: int, rows: i
     return code
 
 
-@njit(cache=True, nogil=True)
-def export(program: Program, equalities: int, rows: int, size: int, dense: np.ndarray, kept: np.ndarray) -> int:
-    """Write the rows to `dense`, without equality rows that depend on those before them; return how many are left.
-
-    `kept` gets the numbers of the rows written. Dependence is judged on rows of unit length.
-    """
-    basis = np.zeros((min(equalities, size), size))
-    count = ranked = 0
-    for row in range(rows):
-        target = dense[count]
-        for k in range(size):
-            target[k] = 0.0
-        for k in range(program.start[row], program.start[row + 1]):
-            target[program.column[k]] = program.value[k]
-        kept[count] = row
-        if row >= equalities:
-            count += 1
-        elif ranked < basis.shape[0] and _extends(basis, ranked, target):
-            ranked += 1
-            count += 1
-    return ranked
-
-
 @kernel
 def _extends(basis: np.ndarray, ranked: int, row: np.ndarray) -> bool:
     """Make the row the next of an orthonormal basis, unless it lies in the span of the first `ranked`."""
@@ -183,3 +160,27 @@ def _extends(basis: np.ndarray, ranked: int, row: np.ndarray) -> bool:
     for k in range(size):
         candidate[k] /= length
     return True
+
+
+@unit(types.int64, PROGRAM, EXPORT, types.int64, types.int64, types.int64)
+def export(program: Program, out: Export, equalities: int, rows: int, size: int) -> int:
+    """Write the rows to `out`, without equality rows that depend on those before them; return how many of these stay.
+
+    Dependence is judged on rows of unit length.
+    """
+    dense, kept = out.dense, out.kept
+    basis = np.zeros((min(equalities, size), size))
+    count = ranked = 0
+    for row in range(rows):
+        target = dense[count]
+        for k in range(size):
+            target[k] = 0.0
+        for k in range(program.start[row], program.start[row + 1]):
+            target[program.column[k]] = program.value[k]
+        kept[count] = row
+        if row >= equalities:
+            count += 1
+        elif ranked < basis.shape[0] and _extends(basis, ranked, target):
+            ranked += 1
+            count += 1
+    return ranked

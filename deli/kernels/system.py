@@ -175,6 +175,20 @@ class Program(NamedTuple):
     report: Vector
 
 
+class Export(NamedTuple):
+    """The rows of a program by themselves.
+
+    Attributes
+    ----------
+    dense : (rows, dof) array
+    kept : (rows,) int64 array
+        Their numbers in the program.
+    """
+
+    dense: Matrix
+    kept: Numbers
+
+
 class Mail(NamedTuple):
     """What user functions read and write.
 
@@ -301,3 +315,4 @@ class Machine(NamedTuple):
 
 MACHINE = RecordType(Machine)
 PROGRAM = RecordType(Program)
+EXPORT = RecordType(Export)

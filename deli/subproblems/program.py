@@ -11,7 +11,7 @@ import solvers
 from deli.errors import InputError, StepError
 from deli.kernels.record import Record
 from deli.kernels.solve import export
-from deli.kernels.system import PROGRAM, Program
+from deli.kernels.system import EXPORT, PROGRAM, Export, Program
 from deli.subproblems.choices import SUBPROBLEMS, SolverChoice
 from deli.subproblems.stats import StepStats
 from solvers import native
@@ -76,6 +76,7 @@ class ProgramSolver:
         self._skip = skip
         self._large = SparseProjection()
         self._compiled: dict[tuple[bool, int, int, int], solvers.CompiledProblem] = {}
+        self._exports: dict[tuple[int, int], Record] = {}
         self.backends: set[str] = set()
         if choice.options or choice.backend.startswith("cvxpy:"):
             self._try()
@@ -102,8 +103,9 @@ class ProgramSolver:
                 f"many for {self._choice.backend!r} (at most {MOST_ENTRIES:,} entries of the dense matrix); use "
                 f"solvers='auto', whose sparse solver did not settle here or was not asked, or a smaller step_size."
             )
-        dense, kept = np.zeros((rows, size)), np.zeros(rows, dtype=np.int64)
-        independent = export(self._record, equalities, rows, size, dense, kept)
+        exported = self._exported(rows, size)
+        dense, kept = exported.fields
+        independent = export.call(self._record.address, exported.address, equalities, rows, size)
         free = rows - equalities
         compiled = self._compile(newton, size, free, independent)
         data = compiled.parameters
@@ -171,6 +173,13 @@ class ProgramSolver:
                 f"{str(error).splitlines()[0]}"
             ) from error
 
+    def _exported(self, rows: int, size: int) -> Record:
+        exported = self._exports.get((rows, size))
+        if exported is None:
+            fields = Export(np.zeros((rows, size)), np.zeros(rows, dtype=np.int64))
+            exported = self._exports[rows, size] = Record(EXPORT, fields)
+        return exported
+
     def _compile(self, newton: bool, size: int, rows: int, bilateral_rows: int) -> "solvers.CompiledProblem":
         padded = next((size for size in _SIZES if size >= rows), rows)
         key = (newton, size, padded, bilateral_rows)
@@ -183,6 +192,7 @@ class ProgramSolver:
                     choice.backend,
                     tolerance=choice.tolerance,
                     polish=choice.polish,
+                    check_parameters=False,  # kernels have factorized what is declared positive definite
                     **choice.options,
                 )
         return compiled

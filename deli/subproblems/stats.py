@@ -38,13 +38,16 @@ class StepStats:
     def __init__(self) -> None:
         from deli.kernels.system import Tally  # loads the compiler, which the names above do without
 
+        # Apart from what the steppers of other threads write to, which processors would keep from this one.
+        counts, times, residuals, status, contacts = np.split(np.zeros(68, dtype=np.int64)[16:52], (15, 21, 30, 33))
         self.tally = Tally(
-            np.zeros((len(COUNTS), len(SUBPROBLEMS)), dtype=np.int64),
-            np.zeros((len(TIMES), len(SUBPROBLEMS))),
-            np.full((len(RESIDUALS), len(SUBPROBLEMS)), np.nan),
-            np.full(len(SUBPROBLEMS), UNUSED, dtype=np.int64),
-            np.zeros(3, dtype=np.int64),
+            counts.reshape(len(COUNTS), len(SUBPROBLEMS)),
+            times.view(float).reshape(len(TIMES), len(SUBPROBLEMS)),
+            residuals.view(float).reshape(len(RESIDUALS), len(SUBPROBLEMS)),
+            status,
+            contacts,
         )
+        self.tally.residuals[:], self.tally.status[:] = np.nan, UNUSED
         self.solves, self.skipped, self.iterations, self.rows, self.fallbacks = self.tally.counts
         self.solve_time, self.overhead_time = self.tally.times
         self.primal_residual, self.dual_residual, self.complementarity = self.tally.residuals
@@ -80,6 +83,15 @@ class StepStats:
         self.solve_time[subproblem] += solution.setup_time + solution.solve_time
         self.overhead_time[subproblem] += solution.overhead_time
         self._worsen(subproblem, SOLVED if solution.ok else INACCURATE if solution.status == "inaccurate" else FAILED)
+
+    def add_native(self, subproblem: int, iterations: int, rows: int, solve_time: float, overhead_time: float) -> None:
+        """Count a program that was solved without a backend's adapter."""
+        self.solves[subproblem] += 1
+        self.iterations[subproblem] += iterations
+        self.rows[subproblem] += rows
+        self.solve_time[subproblem] += solve_time
+        self.overhead_time[subproblem] += overhead_time
+        self._worsen(subproblem, SOLVED)
 
     def measure(self, subproblem: int, primal: float, dual: float, complementarity: float) -> None:
         """Record residuals of a subproblem; the largest since the last reset are kept."""
