@@ -2,7 +2,7 @@
 
 import ctypes
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Any
 
@@ -113,23 +113,23 @@ def bind_method(
 def work_arrays(
     system: System, numerical: bool, known: tuple[Work, Islands, Program] | None = None
 ) -> tuple[Work, Islands, Program]:
-    """Return what the steps of a system need to work in; arrays of `known` that have the right size are kept."""
+    """Return what the steps of a system work in; arrays of `known` that have the right size are kept."""
     dof, bodies, dimension = system.mass.size, system.component.size, system.dimension
     rows, held = system.unilateral.kind.size, system.bilateral.kind.size
-    by_row = dict.fromkeys(
-        ("gaps", "gaps_moved", "approach", "still", "pressed", "scaled", "best_pressed", "best_scaled"), (rows,)
+    by_row = _each(
+        ("gaps", "gaps_moved", "approach", "still", "pressed", "scaled", "best_pressed", "best_scaled"), rows
     )
-    flags = dict.fromkeys(("touching", "active", "landing", "resting"), (rows,))
-    lists = dict.fromkeys(("marked", "chosen", "smooth", "pressing"), (rows,)) | {"ticks": (2,)}
+    flags = _each(("touching", "active", "landing", "resting"), rows)
+    lists = _each(("marked", "chosen", "smooth", "pressing"), rows) | {"ticks": (2,)}
     shapes: dict[str, tuple[int, ...]] = {
-        **dict.fromkeys(Work._fields, (dof,)),
-        **by_row,
+        **_each(Work._fields, dof),
+        **_each(values, rows),
         **flags,
         **lists,
-        **dict.fromkeys(("normals", "normals_moved"), (rows, dimension)),
-        **dict.fromkeys(("gradients", "gradients_moved"), (system.other_unilateral, dof)),
-        **dict.fromkeys(("held_normals", "held_normals_moved"), (held, dimension)),
-        **dict.fromkeys(("held_gradients", "held_gradients_moved"), (system.other_bilateral, dof)),
+        **_each(("normals", "normals_moved"), rows, dimension),
+        **_each(("gradients", "gradients_moved"), system.other_unilateral, dof),
+        **_each(("held_normals", "held_normals_moved"), held, dimension),
+        **_each(("held_gradients", "held_gradients_moved"), system.other_bilateral, dof),
         "mismatch": (held,),
         "report": (8,),
     }
@@ -140,7 +140,7 @@ def work_arrays(
     metric = _metric_size(system, numerical)
     others = system.other_unilateral + system.other_bilateral
     entries = every * metric if metric else 2 * dimension * every + others * dof
-    shapes = dict.fromkeys(("bounds", "y"), (every,)) | dict.fromkeys(("wish", "z"), (dof,))
+    shapes = _each(("bounds", "y"), every) | _each(("wish", "z"), dof)
     shapes |= {
         "start": (every + 1,),
         "column": (entries,),
@@ -148,18 +148,22 @@ def work_arrays(
         "lengths": (2 * every,),
         "report": (4,),
     }
-    shapes |= dict.fromkeys(("metric", "factor"), (metric, metric))
-    shapes |= {"white_start": (every + 1,)} | dict.fromkeys(("white_column", "white_value"), (every * metric,))
+    shapes |= _each(("metric", "factor"), metric, metric)
+    shapes |= {"white_start": (every + 1,)} | _each(("white_column", "white_value"), every * metric)
     kinds = dict.fromkeys(("start", "column", "white_start", "white_column"), np.int64)
     program = Program(**_arrays(shapes, kinds, known and known[2]))
 
-    shapes = dict.fromkeys(("body_start", "row_start", "held_start", "joint_start"), (bodies + 2,))
-    shapes |= dict.fromkeys(("parent", "label", "place", "bodies"), (bodies,)) | {"touched": (bodies + 1,)}
+    shapes = _each(("body_start", "row_start", "held_start", "joint_start"), bodies + 2)
+    shapes |= _each(("parent", "label", "place", "bodies"), bodies) | {"touched": (bodies + 1,)}
     shapes |= {"rows": (rows,), "held": (held,), "joints": (2 * rows,)}
     islands = Islands(**_arrays(shapes, dict.fromkeys(Islands._fields, np.int64), known and known[1]))
     if known is None:
         islands.label[:] = -1
     return work, islands, program
+
+
+def _each(names: Iterable[str], *shape: int) -> dict[str, tuple[int, ...]]:
+    return dict.fromkeys(names, shape)
 
 
 def _metric_size(system: System, numerical: bool) -> int:

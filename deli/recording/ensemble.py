@@ -147,9 +147,9 @@ def check_labels(labels: Mapping[str, Any] | None, members: int, schema: Schema)
 def same(scenes: Sequence[Scene], name: str) -> bool:
     """Whether an attribute of all scenes is the same, by identity or, if it is an array or a name, by value."""
     first = getattr(scenes[0], name)
-    others = (getattr(scene, name) for scene in scenes)
+    others = [getattr(scene, name) for scene in scenes]
     if isinstance(first, np.ndarray):
-        return all(other is first or np.array_equal(other, first) for other in others)
+        return bool((np.concatenate(others).reshape(len(others), -1) == first).all())
     return all(other is first or (isinstance(first, str) and other == first) for other in others)
 
 

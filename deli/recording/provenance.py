@@ -204,9 +204,9 @@ def _fingerprint(scene: Scene) -> list[np.ndarray]:
             for stack in (scene.unilateral, scene.bilateral)
             for family in stack.families
             for array in (
-                (np.asarray(family.distance), *family.rows_table())
+                [np.asarray(family.distance), *(family.rows_table() or ())]
                 if isinstance(family, SearchedFamily) and family.searched
-                else (family.value(q), family.jacobian(q))
+                else [family.value(q), family.jacobian(q)]
             )
         ),
     ]
