@@ -116,9 +116,7 @@ def work_arrays(
     """Return what the steps of a system work in; arrays of `known` that have the right size are kept."""
     dof, bodies, dimension = system.mass.size, system.component.size, system.dimension
     rows, held = system.unilateral.kind.size, system.bilateral.kind.size
-    by_row = _each(
-        ("gaps", "gaps_moved", "approach", "still", "pressed", "scaled", "best_pressed", "best_scaled"), rows
-    )
+    values = ("gaps", "gaps_moved", "approach", "still", "pressed", "scaled", "best_pressed", "best_scaled")
     flags = _each(("touching", "active", "landing", "resting"), rows)
     lists = _each(("marked", "chosen", "smooth", "pressing"), rows) | {"ticks": (2,)}
     shapes: dict[str, tuple[int, ...]] = {
