@@ -65,6 +65,7 @@ def check_momentum(stack: ConstraintStack, q: Array, v: Array, tolerance: float)
         return
     rate, norm = _rates(stack, q, v)
     allowed = tolerance * norm * np.hypot.reduce(v)  # the norm of tiny velocities, which squared would be zero
+    allowed = np.maximum(allowed, np.finfo(float).tiny)  # below it, rounding is all there is
     if (np.abs(rate) > allowed).any():
         row = int(np.argmax(np.abs(rate) - allowed))
         raise InputError(

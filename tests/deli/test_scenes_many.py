@@ -7,7 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 import tomli_w
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import nnls
 
@@ -238,6 +238,7 @@ def gradients_of(rows, scene):
     radius=st.floats(0.1, 5.0),
     speed=st.floats(-1.0, 1.0),
 )
+@example(masses=4, arc=2.0, shift=0.0, radius=1.0, speed=5e-324)
 def test_a_chain_starts_on_the_cylinder_and_moves_along_it(masses, arc, shift, radius, speed):
     scene = scenes.chain_on_cylinder(masses=masses, arc=arc, shift=shift, radius=radius, speed=speed, mass=2.0)
     q, v = scene.position, scene.momentum / scene.mass
