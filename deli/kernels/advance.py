@@ -135,8 +135,9 @@ def record(machine: Machine, block: Block) -> int:
         block.status[row, subproblem] = tally.status[subproblem]
     block.contacts[row, 0], block.contacts[row, 1] = tally.contacts[0], tally.contacts[1]
     code = diagnose(machine, block.diagnostics[row])
-    block.progress[1] += 1
-    reset(tally)
+    if code == DONE:
+        block.progress[1] += 1
+        reset(tally)
     return code
 
 

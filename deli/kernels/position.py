@@ -10,7 +10,7 @@ from deli.kernels.dense import backward, factorize, forward
 from deli.kernels.forces import ask, gradient, hessian
 from deli.kernels.islands import connect
 from deli.kernels.rows import value
-from deli.kernels.solve import along, append, solve
+from deli.kernels.solve import along, gather_rows, solve
 from deli.kernels.system import (
     BILATERAL,
     DONE,
@@ -48,26 +48,6 @@ def first_force(machine: Machine, q: np.ndarray, x: np.ndarray, out: np.ndarray)
     for k in range(q.size):
         out[k] *= half
     return code
-
-
-@kernel
-def _gather(machine: Machine, group: int) -> None:
-    """Write the rows of one island at q, bilateral ones first."""
-    system, work, islands, program = machine.system, machine.work, machine.islands, machine.program
-    count = 0
-    program.start[0] = 0
-    for k in range(islands.held_start[group], islands.held_start[group + 1]):
-        append(
-            program, count, system.bilateral, islands.held[k], work.held_normals, work.held_gradients,
-            islands.place, system.root,
-        )  # fmt: skip
-        count += 1
-    for k in range(islands.row_start[group], islands.row_start[group + 1]):
-        append(
-            program, count, system.unilateral, islands.rows[k], work.normals, work.gradients,
-            islands.place, system.root,
-        )  # fmt: skip
-        count += 1
 
 
 @kernel
@@ -243,7 +223,7 @@ def _iterate(machine: Machine, group: int, whole: bool, free: bool) -> int:
     accepted = _ACCEPTED if exact else max(_ACCEPTED, _SLACK * method.tolerance[POSITION])
     newton = system.newton and whole
     if rows:
-        _gather(machine, group)
+        gather_rows(machine, group)
     code = _evaluate(machine, group, whole)
     if code != DONE:
         return code

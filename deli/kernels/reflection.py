@@ -10,7 +10,7 @@ from deli.kernels.dense import backward, factorize, forward
 from deli.kernels.forces import hessian
 from deli.kernels.islands import connect
 from deli.kernels.rows import push, rate, weight
-from deli.kernels.solve import append, solve
+from deli.kernels.solve import append, gather_rows, solve
 from deli.kernels.system import (
     DONE,
     GENERALIZED,
@@ -50,7 +50,7 @@ def _turn(machine: Machine, group: int, share: float) -> int:
         inertia = weight(table, row, work.normals, work.gradients, system.inverse)
         push(table, row, work.normals, work.gradients, share * (-2.0 * speed / inertia), momentum)
         return DONE
-    equalities, rows = _gather(machine, group)
+    equalities, rows = gather_rows(machine, group)
     dimension, size = system.dimension, 0
     for k in range(islands.body_start[group], islands.body_start[group + 1]):
         for axis in range(dimension):
@@ -70,28 +70,6 @@ def _turn(machine: Machine, group: int, share: float) -> int:
             row = islands.rows[begin + k - equalities]
             push(table, row, work.normals, work.gradients, impulse, momentum)
     return code
-
-
-@kernel
-def _gather(machine: Machine, group: int) -> tuple[int, int]:
-    """Write the rows of one island at q, bilateral ones first; return how many of them are, and how many in all."""
-    system, work, islands, program = machine.system, machine.work, machine.islands, machine.program
-    count = 0
-    program.start[0] = 0
-    for k in range(islands.held_start[group], islands.held_start[group + 1]):
-        append(
-            program, count, system.bilateral, islands.held[k], work.held_normals, work.held_gradients,
-            islands.place, system.root,
-        )  # fmt: skip
-        count += 1
-    equalities = count
-    for k in range(islands.row_start[group], islands.row_start[group + 1]):
-        append(
-            program, count, system.unilateral, islands.rows[k], work.normals, work.gradients,
-            islands.place, system.root,
-        )  # fmt: skip
-        count += 1
-    return equalities, count
 
 
 @kernel

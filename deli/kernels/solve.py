@@ -57,6 +57,28 @@ def append(
 
 
 @kernel
+def gather_rows(machine: Machine, group: int) -> tuple[int, int]:
+    """Write the rows of one island at q, bilateral ones first; return how many of them are, and how many in all."""
+    system, work, islands, program = machine.system, machine.work, machine.islands, machine.program
+    count = 0
+    program.start[0] = 0
+    for k in range(islands.held_start[group], islands.held_start[group + 1]):
+        append(
+            program, count, system.bilateral, islands.held[k], work.held_normals, work.held_gradients,
+            islands.place, system.root,
+        )  # fmt: skip
+        count += 1
+    equalities = count
+    for k in range(islands.row_start[group], islands.row_start[group + 1]):
+        append(
+            program, count, system.unilateral, islands.rows[k], work.normals, work.gradients,
+            islands.place, system.root,
+        )  # fmt: skip
+        count += 1
+    return equalities, count
+
+
+@kernel
 def along(program: Program, row: int, z: np.ndarray) -> float:
     """R z for one row."""
     total = 0.0

@@ -82,3 +82,18 @@ def test_functions_move_as_tables_do(build, step_size, steps, method, solvers) -
     assert difference(known, found) <= growth(known, method, step_size, solvers=solvers) * (
         known.rounding + found.rounding
     )
+
+
+def test_a_state_whose_energy_cannot_be_had_is_no_row(tmp_path) -> None:
+    def energy(q: np.ndarray) -> float:
+        if q[0] > 0.033:
+            raise ValueError("too far")
+        return 0.0
+
+    scene = deli.Scene(1.0, [0.0], [1.0], deli.Potential(energy=energy, gradient=lambda q: np.zeros(1)))
+    path = tmp_path / "run.nc"
+    with pytest.raises(ValueError, match="too far"):
+        deli.simulate(scene, deli.GVI(), step_size=0.01, steps=10, output=path)
+    kept = deli.open_run(path)["trajectory"]
+    np.testing.assert_allclose(kept["position"].values[:, 0], [0.0, 0.01, 0.02, 0.03], atol=1e-15)
+    np.testing.assert_array_equal(kept["hamiltonian"].values, [0.5] * 4)
