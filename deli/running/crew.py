@@ -18,7 +18,7 @@ from deli.running.plan import Plan
 from deli.running.progress import ProgressBar
 from deli.running.session import COMPLETE, FAILED, INTERRUPTED, REFRESH_SECONDS
 
-_MOST = 64  # members bound at once
+_MOST = 128  # members bound at once
 _Shape = tuple[int, ...] | None
 
 
@@ -121,7 +121,7 @@ def _chunks(members: int, workers: int) -> list[range]:
     """Ranges of members, ever smaller towards the end, so that all threads end at the same time."""
     chunks, begin = [], 0
     while begin < members:
-        size = max(1, min(_MOST, (members - begin) // (4 * workers)))
+        size = max(1, min(_MOST, (members - begin) // (2 * workers)))
         chunks.append(range(begin, begin + size))
         begin += size
     return chunks
