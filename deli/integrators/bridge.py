@@ -7,9 +7,9 @@ import numpy as np
 
 from deli.integrators.binding import clock_address
 from deli.kernels import system as asked
-from deli.kernels.reflection import turn_numerical
 from deli.kernels.solve import NEWTON
 from deli.kernels.system import Hooks, Mail
+from deli.kernels.turning import turn_numerical
 from deli.mechanics.constraints import ConstraintStack
 from deli.mechanics.energies import potential_hessian
 from deli.mechanics.scene import Scene

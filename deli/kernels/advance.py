@@ -8,10 +8,11 @@ from numba import types
 from numpy.typing import NDArray
 
 from deli.kernels.compiled import kernel, seconds, unit
+from deli.kernels.contacts import approached, find_gaps, strayed
 from deli.kernels.forces import ask, energy
 from deli.kernels.record import Record, RecordType
 from deli.kernels.rows import value
-from deli.kernels.step import approached, find_gaps, step, strayed
+from deli.kernels.step import step
 from deli.kernels.system import BILATERAL, DONE, LEAST_GAP, MACHINE, Machine, Matrix, Numbers
 from deli.kernels.tally import reset
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import llvmlite.binding as llvm
 from numba.core.caching import FunctionCache
 
-from deli.kernels import advance, native, reflection, step
+from deli.kernels import advance, native, step, turning
 from deli.kernels.compiled import UNITS, Unit
 from deli.mechanics import tables
 from solvers import native as solver
@@ -20,7 +20,7 @@ from solvers import native as solver
 logger = logging.getLogger("deli")
 
 # Units that few runs need: compiled when one does.
-_RARE = {unit.symbol for unit in (reflection.turn_numerical, step.reflect_touching, advance.has_strayed)}
+_RARE = {unit.symbol for unit in (turning.turn_numerical, step.reflect_touching, advance.has_strayed)}
 # Relative times to compile; others take about one.
 _COSTS = {native.project_program.symbol: 8, step.step.symbol: 7, advance.record_state.symbol: 4}
 _lock = threading.Lock()

@@ -9,6 +9,7 @@ from deli.kernels.compiled import kernel, unit
 from deli.kernels.dense import backward, factorize, forward
 from deli.kernels.forces import ask, gradient, hessian
 from deli.kernels.islands import connect
+from deli.kernels.iterates import floor, judge, keep
 from deli.kernels.rows import value
 from deli.kernels.solve import along, gather_rows, solve
 from deli.kernels.system import (
@@ -19,9 +20,7 @@ from deli.kernels.system import (
     SOFTEN,
     UNCONVERGED,
     UNILATERAL,
-    Islands,
     Machine,
-    Work,
 )
 from deli.kernels.tally import measure, skip
 
@@ -31,7 +30,6 @@ _SLACK = 10.0  # what is accepted instead of an unpolished solver, in its tolera
 _ITERATIONS = 200
 _PROGRESS = 0.9  # factor by which a residual has to fall to count as progress
 _PATIENCE = 3  # iterations without progress after which the floor is reached
-_ROUNDING = 8 * 2.0**-52
 
 
 @kernel
@@ -113,94 +111,6 @@ def _metric(machine: Machine) -> int:
     return DONE
 
 
-@kernel
-def _judge(machine: Machine, group: int, rows: int, equalities: int) -> tuple[float, float, float, float]:
-    """Scaled residuals of (7.3, 7.4, 7.8) at x, and the one that an interior-point solver can vouch for.
-
-    Impulses are compared in the metric of the masses. The last has products λg in place of min(λ, g).
-    """
-    system, work, islands, program = machine.system, machine.work, machine.islands, machine.program
-    dimension, root = system.dimension, system.root
-    wish = program.wish  # scratch: the impulse that no constraint and no force explains
-    impulse, local = 0.0, 0
-    for k in range(islands.body_start[group], islands.body_start[group + 1]):
-        for axis in range(dimension):
-            dof = islands.bodies[k] * dimension + axis
-            carried = root[dof] * work.velocity[dof]
-            given, force = work.momentum[dof] / root[dof], work.force[dof] / root[dof]
-            impulse = max(impulse, abs(carried), abs(given), abs(force))
-            wish[local] = carried - given - force
-            local += 1
-    if not impulse > 0.0:
-        impulse = 1.0
-    primal = complementarity = product = negative = 0.0
-    for k in range(rows):
-        for entry in range(program.start[k], program.start[k + 1]):
-            wish[program.column[entry]] -= program.value[entry] * program.y[k]
-        if k < equalities:
-            row = islands.held[islands.held_start[group] + k]
-            primal = max(primal, abs(work.mismatch[row]) / system.bilateral_scale[row])
-        else:
-            row = islands.rows[islands.row_start[group] + k - equalities]
-            pressed, gap = program.y[k] / impulse, work.gaps_moved[row] / system.gap_scale[row]
-            work.pressed[row], work.scaled[row] = pressed, gap
-            primal = max(primal, -gap)
-            complementarity = max(complementarity, abs(min(pressed, gap)))
-            product = max(product, abs(pressed * gap))
-            negative = max(negative, -pressed)
-    dual = 0.0
-    for k in range(local):
-        dual = max(dual, abs(wish[k]))
-        if not math.isfinite(wish[k]):
-            dual = math.nan
-            break
-    dual /= impulse
-    return primal, dual, complementarity, max(primal, dual, product, negative)
-
-
-@kernel
-def _keep(dimension: int, group: int, store: bool, work: Work, islands: Islands) -> None:
-    """Store the best iterate of one island, or bring it back."""
-    for k in range(islands.body_start[group], islands.body_start[group + 1]):
-        for axis in range(dimension):
-            dof = islands.bodies[k] * dimension + axis
-            if store:
-                work.best[dof], work.best_force[dof] = work.velocity[dof], work.force[dof]
-            else:
-                work.velocity[dof], work.force[dof] = work.best[dof], work.best_force[dof]
-    for k in range(islands.row_start[group], islands.row_start[group + 1]):
-        row = islands.rows[k]
-        if store:
-            work.best_pressed[row], work.best_scaled[row] = work.pressed[row], work.scaled[row]
-        else:
-            work.pressed[row], work.scaled[row] = work.best_pressed[row], work.best_scaled[row]
-
-
-@kernel
-def _floor(machine: Machine, group: int, newton: bool) -> float:
-    """What rounding of x alone leaves of the residuals: far from the origin, or of a stiff force."""
-    system, method, work, islands, mail = machine.system, machine.method, machine.work, machine.islands, machine.mail
-    h, dimension, root = method.step_size, system.dimension, system.root
-    reach = impulse = 0.0
-    for k in range(islands.body_start[group], islands.body_start[group + 1]):
-        for axis in range(dimension):
-            dof = islands.bodies[k] * dimension + axis
-            reach = max(reach, abs(work.q[dof] + h * work.best[dof]))
-            impulse = max(impulse, abs(work.momentum[dof]) / root[dof], abs(work.best_force[dof]) / root[dof])
-    floor = reach / system.length
-    if newton:
-        for k in range(work.q.size):
-            work.stress[k] = work.q[k] + 0.5 * h * work.best[k]
-        if hessian(machine, work.stress) == DONE:
-            for i in range(work.q.size):
-                total = 0.0
-                for j in range(work.q.size):
-                    total += abs(mail.hessian[i, j]) * abs(work.q[j] + h * work.best[j])
-                stiffness = 0.25 * h * h * total / root[i]
-                floor = max(floor, stiffness / (h * (impulse if impulse > 0.0 else 1.0)))
-    return _ROUNDING * floor
-
-
 @unit(types.int64, MACHINE, types.int64, types.boolean, types.boolean)
 def _iterate(machine: Machine, group: int, whole: bool, free: bool) -> int:
     """Iterate the linearizations of one island until the nonlinear system holds; keep the best."""
@@ -267,20 +177,20 @@ def _iterate(machine: Machine, group: int, whole: bool, free: bool) -> int:
         code = _evaluate(machine, group, whole)
         if code != DONE:
             return code
-        first, second, third, certified = _judge(machine, group, rows, equalities)
+        first, second, third, certified = judge(machine, group, rows, equalities)
         worst = max(first, second, third) if exact else certified
         stalled = 0 if worst < _PROGRESS * least else stalled + 1
         if worst < least or math.isinf(least):
             least, primal, dual, complementarity = worst, first, second, third
-            _keep(dimension, group, True, work, islands)
+            keep(dimension, group, True, work, islands)
         if least <= _TARGET or (stalled >= _PATIENCE and least <= accepted) or not math.isfinite(worst):
             break
-    if not (least <= accepted or least <= _floor(machine, group, newton)):
+    if not (least <= accepted or least <= floor(machine, group, newton)):
         work.report[0], work.report[1] = row_end - row_begin, equalities
         work.report[2], work.report[3], work.report[4] = primal, dual, complementarity
         work.report[5] = accepted
         return UNCONVERGED
-    _keep(dimension, group, False, work, islands)
+    keep(dimension, group, False, work, islands)
     for k in range(body_begin, body_end):
         for axis in range(dimension):
             dof = islands.bodies[k] * dimension + axis

@@ -2,15 +2,23 @@
 
 import math
 
-import numpy as np
 from numba import types
 
 from deli.kernels.compiled import kernel, unit
+from deli.kernels.contacts import (
+    copy,
+    find_gaps,
+    first_force_here,
+    gradients_here,
+    spread_to_violated,
+    strayed,
+    velocity_zeros,
+)
 from deli.kernels.forces import ask, gradient
 from deli.kernels.position import predict, update
 from deli.kernels.projection import tangent
 from deli.kernels.reflection import reflect
-from deli.kernels.rows import normal, rate, values, weight
+from deli.kernels.rows import normal, rate
 from deli.kernels.system import (
     BILATERAL_GRADIENTS,
     DONE,
@@ -20,77 +28,10 @@ from deli.kernels.system import (
     PROJECTION,
     REFLECTION,
     REFRESH,
-    UNILATERAL,
     UNILATERAL_GRADIENTS,
     Machine,
-    System,
-    Work,
 )
 from deli.kernels.tally import skip
-from deli.mechanics.tables import OTHER
-
-_VIOLATED = 1e-12  # scaled gap below which a constraint is violated by more than rounding
-_ROUNDOFF = 8 * 2.0**-52  # of the momenta of all bodies, which leaks into each of them
-
-
-@kernel
-def find_gaps(machine: Machine, q: np.ndarray, out: np.ndarray) -> int:
-    """Values of all unilateral rows at q."""
-    system, mail = machine.system, machine.mail
-    if system.other_unilateral:
-        code = ask(machine, UNILATERAL, q)
-        if code != DONE:
-            return code
-    values(system.unilateral, q, mail.unilateral, out)
-    return DONE
-
-
-@kernel
-def approached(machine: Machine, q: np.ndarray) -> float:
-    """By how much two bodies may have come nearer since neighbours were searched: twice the largest displacement."""
-    system = machine.system
-    dimension, most = system.dimension, 0.0
-    for body in range(system.component.size):
-        square = 0.0
-        for axis in range(dimension):
-            dof = body * dimension + axis
-            square += (q[dof] - system.reference[dof]) ** 2
-        most = max(most, square)
-    return 2.0 * math.sqrt(most)
-
-
-@kernel
-def strayed(machine: Machine, q: np.ndarray) -> bool:
-    """Whether a body may have come to touch one that is not among its searched neighbours."""
-    system = machine.system
-    return system.reference.size > 0 and not approached(machine, q) < 0.999 * system.reach
-
-
-@kernel
-def _copy(matrix: np.ndarray, out: np.ndarray) -> None:
-    for i in range(matrix.shape[0]):
-        for j in range(matrix.shape[1]):
-            out[i, j] = matrix[i, j]
-
-
-@kernel
-def _gradients_here(machine: Machine, held: int) -> int:
-    """Gradients at q of what a step can meet: rows are added to this when they are chosen."""
-    system, work, mail = machine.system, machine.work, machine.mail
-    if system.other_unilateral:
-        code = ask(machine, UNILATERAL_GRADIENTS, work.q)
-        if code != DONE:
-            return code
-        _copy(mail.unilateral_gradients, work.gradients)
-    if held:
-        if system.other_bilateral:
-            code = ask(machine, BILATERAL_GRADIENTS, work.q)
-            if code != DONE:
-                return code
-            _copy(mail.bilateral_gradients, work.held_gradients)
-        for row in range(held):
-            normal(system.bilateral, row, work.q, work.held_normals)
-    return DONE
 
 
 @kernel
@@ -111,7 +52,7 @@ def _attempt(machine: Machine, active: int) -> tuple[int, int]:
     if method.reflects and not active:
         skip(tally, REFLECTION)
     if method.reflects and active:
-        code = _first_force_here(machine)
+        code = first_force_here(machine)
         if code != DONE:
             return code, 0
         count = 0
@@ -120,7 +61,7 @@ def _attempt(machine: Machine, active: int) -> tuple[int, int]:
                 work.chosen[count] = row
                 count += 1
                 normal(table, row, work.q, work.normals)
-        _velocity_zeros(machine, work.p, count)
+        velocity_zeros(machine, work.p, count)
         code = reflect(machine, count)
         if code != DONE:
             return code, 0
@@ -131,7 +72,7 @@ def _attempt(machine: Machine, active: int) -> tuple[int, int]:
             if work.touching[row]:
                 work.chosen[count] = row
                 count += 1
-        _velocity_zeros(machine, work.momentum, count)
+        velocity_zeros(machine, work.momentum, count)
         for k in range(count):
             row = work.chosen[k]
             speed = rate(table, row, work.normals, work.gradients, work.momentum, system.inverse)
@@ -170,77 +111,6 @@ def _attempt(machine: Machine, active: int) -> tuple[int, int]:
 
 
 @kernel
-def _first_force_here(machine: Machine) -> int:
-    """Force slot at (q, q) into ``work.force``: the scale of velocities that count as zero."""
-    system, method, work = machine.system, machine.method, machine.work
-    if not (method.implicit and system.curved):
-        return DONE  # it is the prediction's
-    code = gradient(machine, work.q, work.force)
-    for k in range(work.q.size):
-        work.force[k] *= -0.5 * method.step_size
-    return code
-
-
-@kernel
-def _velocity_zeros(machine: Machine, momentum: np.ndarray, count: int) -> None:
-    """Normal velocities below which the first `count` chosen rows do not move, into ``work.still``.
-
-    ``|∇g_iᵀv| ≤ τ ‖∇g_i‖ (‖p‖ + ‖impulse of the forces in one step‖)``, norms in the metric M⁻¹ over the bodies
-    that the constraint touches, and a share of rounding of those of all bodies.
-    """
-    system, method, work = machine.system, machine.method, machine.work
-    table, inverse, force, dimension = system.unilateral, system.inverse, work.force, system.dimension
-    everything = push = 0.0
-    for k in range(momentum.size):
-        everything += momentum[k] * momentum[k] * inverse[k]
-        push += force[k] * force[k] * inverse[k]
-    rounding = _ROUNDOFF * (math.sqrt(everything) + math.sqrt(push))
-    for k in range(count):
-        row = chosen = work.chosen[k]
-        here = there = 0.0
-        if table.kind[row] == OTHER:
-            gradient_number = table.first[row]
-            for body in range(system.component.size):
-                touched = False
-                for axis in range(dimension):
-                    touched = touched or work.gradients[gradient_number, body * dimension + axis] != 0.0
-                if touched:
-                    for axis in range(dimension):
-                        dof = body * dimension + axis
-                        here += momentum[dof] * momentum[dof] * inverse[dof]
-                        there += force[dof] * force[dof] * inverse[dof]
-        else:
-            for end in range(2):
-                body = table.first[row] if end == 0 else table.second[row]
-                if body >= 0:
-                    for axis in range(dimension):
-                        dof = body * dimension + axis
-                        here += momentum[dof] * momentum[dof] * inverse[dof]
-                        there += force[dof] * force[dof] * inverse[dof]
-        size = math.sqrt(weight(table, row, work.normals, work.gradients, inverse))
-        speed = method.contact_tolerance * (math.sqrt(here) + math.sqrt(there)) + rounding
-        work.still[chosen] = speed * size
-
-
-@kernel
-def _violated(system: System, work: Work) -> bool:
-    """Let what x violates join 𝔸, or land if it is there already; return whether anything did.
-
-    Both sets only grow, so the loop of attempts ends.
-    """
-    changed = False
-    for row in range(system.unilateral.kind.size):
-        if work.gaps_moved[row] < -_VIOLATED * system.gap_scale[row]:
-            if not work.active[row]:
-                work.active[row] = True
-                changed = True
-            elif not (work.landing[row] or work.resting[row]):
-                work.landing[row] = True
-                changed = True
-    return changed
-
-
-@kernel
 def _carry(machine: Machine, smooth: int) -> int:
     """Momentum at x: D₂L_d(q, x) without what the constraints that stay active do not allow."""
     system, method, work, mail, tally = machine.system, machine.method, machine.work, machine.mail, machine.tally
@@ -267,13 +137,13 @@ def _carry(machine: Machine, smooth: int) -> int:
         code = ask(machine, UNILATERAL_GRADIENTS, moved)
         if code != DONE:
             return code
-        _copy(mail.unilateral_gradients, work.gradients_moved)
+        copy(mail.unilateral_gradients, work.gradients_moved)
     if held:
         if system.other_bilateral:
             code = ask(machine, BILATERAL_GRADIENTS, moved)
             if code != DONE:
                 return code
-            _copy(mail.bilateral_gradients, work.held_gradients_moved)
+            copy(mail.bilateral_gradients, work.held_gradients_moved)
         for row in range(held):
             normal(system.bilateral, row, moved, work.held_normals_moved)
     if method.skip and count == 0 and held == 0:
@@ -322,14 +192,14 @@ def step(machine: Machine, known: bool) -> int:
         work.active[row] = method.reflects and (work.touching[row] or crossed)
         active += work.active[row]
     if held or (touching and not method.reflects):
-        code = _gradients_here(machine, held)
+        code = gradients_here(machine, held)
         if code != DONE:
             return code
     gradients_known = held > 0 or (touching > 0 and not method.reflects)
     smooth = 0
     while True:
         if active and not gradients_known:
-            code = _gradients_here(machine, held)
+            code = gradients_here(machine, held)
             if code != DONE:
                 return code
             gradients_known = True
@@ -340,7 +210,7 @@ def step(machine: Machine, known: bool) -> int:
             return REFRESH
         if not (method.reflects and method.closed_loop):
             break
-        if not _violated(system, work):
+        if not spread_to_violated(system, work):
             break
         active = 0
         for row in range(rows):
@@ -373,8 +243,8 @@ def reflect_touching(machine: Machine) -> int:
             normal(system.unilateral, row, work.q, work.normals)
     if count == 0:
         return DONE
-    code = _gradients_here(machine, system.bilateral.kind.size)
+    code = gradients_here(machine, system.bilateral.kind.size)
     if code != DONE:
         return code
-    _velocity_zeros(machine, work.p, count)
+    velocity_zeros(machine, work.p, count)
     return reflect(machine, count)

@@ -1,0 +1,154 @@
+"""Which constraints touch, approach or are violated, and whose neighbours are known."""
+
+import math
+
+import numpy as np
+
+from deli.kernels.compiled import kernel
+from deli.kernels.forces import ask, gradient
+from deli.kernels.rows import normal, values, weight
+from deli.kernels.system import (
+    BILATERAL_GRADIENTS,
+    DONE,
+    UNILATERAL,
+    UNILATERAL_GRADIENTS,
+    Machine,
+    System,
+    Work,
+)
+from deli.mechanics.tables import OTHER
+
+_VIOLATED = 1e-12  # scaled gap below which a constraint is violated by more than rounding
+_ROUNDOFF = 8 * 2.0**-52  # of the momenta of all bodies, which leaks into each of them
+
+
+@kernel
+def find_gaps(machine: Machine, q: np.ndarray, out: np.ndarray) -> int:
+    """Values of all unilateral rows at q."""
+    system, mail = machine.system, machine.mail
+    if system.other_unilateral:
+        code = ask(machine, UNILATERAL, q)
+        if code != DONE:
+            return code
+    values(system.unilateral, q, mail.unilateral, out)
+    return DONE
+
+
+@kernel
+def approached(machine: Machine, q: np.ndarray) -> float:
+    """By how much two bodies may have come nearer since neighbours were searched: twice the largest displacement."""
+    system = machine.system
+    dimension, most = system.dimension, 0.0
+    for body in range(system.component.size):
+        square = 0.0
+        for axis in range(dimension):
+            dof = body * dimension + axis
+            square += (q[dof] - system.reference[dof]) ** 2
+        most = max(most, square)
+    return 2.0 * math.sqrt(most)
+
+
+@kernel
+def strayed(machine: Machine, q: np.ndarray) -> bool:
+    """Whether a body may have come to touch one that is not among its searched neighbours."""
+    system = machine.system
+    return system.reference.size > 0 and not approached(machine, q) < 0.999 * system.reach
+
+
+@kernel
+def copy(matrix: np.ndarray, out: np.ndarray) -> None:
+    """Write `matrix` to `out`."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            out[i, j] = matrix[i, j]
+
+
+@kernel
+def gradients_here(machine: Machine, held: int) -> int:
+    """Gradients at q of what a step can meet: rows are added to this when they are chosen."""
+    system, work, mail = machine.system, machine.work, machine.mail
+    if system.other_unilateral:
+        code = ask(machine, UNILATERAL_GRADIENTS, work.q)
+        if code != DONE:
+            return code
+        copy(mail.unilateral_gradients, work.gradients)
+    if held:
+        if system.other_bilateral:
+            code = ask(machine, BILATERAL_GRADIENTS, work.q)
+            if code != DONE:
+                return code
+            copy(mail.bilateral_gradients, work.held_gradients)
+        for row in range(held):
+            normal(system.bilateral, row, work.q, work.held_normals)
+    return DONE
+
+
+@kernel
+def first_force_here(machine: Machine) -> int:
+    """Force slot at (q, q) into ``work.force``: the scale of velocities that count as zero."""
+    system, method, work = machine.system, machine.method, machine.work
+    if not (method.implicit and system.curved):
+        return DONE  # it is the prediction's
+    code = gradient(machine, work.q, work.force)
+    for k in range(work.q.size):
+        work.force[k] *= -0.5 * method.step_size
+    return code
+
+
+@kernel
+def velocity_zeros(machine: Machine, momentum: np.ndarray, count: int) -> None:
+    """Normal velocities below which the first `count` chosen rows do not move, into ``work.still``.
+
+    ``|∇g_iᵀv| ≤ τ ‖∇g_i‖ (‖p‖ + ‖impulse of the forces in one step‖)``, norms in the metric M⁻¹ over the bodies
+    that the constraint touches, and a share of rounding of those of all bodies.
+    """
+    system, method, work = machine.system, machine.method, machine.work
+    table, inverse, force, dimension = system.unilateral, system.inverse, work.force, system.dimension
+    everything = push = 0.0
+    for k in range(momentum.size):
+        everything += momentum[k] * momentum[k] * inverse[k]
+        push += force[k] * force[k] * inverse[k]
+    rounding = _ROUNDOFF * (math.sqrt(everything) + math.sqrt(push))
+    for k in range(count):
+        row = chosen = work.chosen[k]
+        here = there = 0.0
+        if table.kind[row] == OTHER:
+            gradient_number = table.first[row]
+            for body in range(system.component.size):
+                touched = False
+                for axis in range(dimension):
+                    touched = touched or work.gradients[gradient_number, body * dimension + axis] != 0.0
+                if touched:
+                    for axis in range(dimension):
+                        dof = body * dimension + axis
+                        here += momentum[dof] * momentum[dof] * inverse[dof]
+                        there += force[dof] * force[dof] * inverse[dof]
+        else:
+            for end in range(2):
+                body = table.first[row] if end == 0 else table.second[row]
+                if body >= 0:
+                    for axis in range(dimension):
+                        dof = body * dimension + axis
+                        here += momentum[dof] * momentum[dof] * inverse[dof]
+                        there += force[dof] * force[dof] * inverse[dof]
+        size = math.sqrt(weight(table, row, work.normals, work.gradients, inverse))
+        speed = method.contact_tolerance * (math.sqrt(here) + math.sqrt(there)) + rounding
+        work.still[chosen] = speed * size
+
+
+@kernel
+def spread_to_violated(system: System, work: Work) -> bool:
+    """Let what x violates join 𝔸, or land if it is there already; return whether anything did.
+
+    Both sets only grow, so the loop of attempts ends.
+    """
+    changed = False
+    for row in range(system.unilateral.kind.size):
+        if work.gaps_moved[row] < -_VIOLATED * system.gap_scale[row]:
+            if not work.active[row]:
+                work.active[row] = True
+                changed = True
+            elif not (work.landing[row] or work.resting[row]):
+                work.landing[row] = True
+                changed = True
+    return changed
