@@ -20,7 +20,7 @@ from deli.kernels.system import (
     Machine,
 )
 from deli.kernels.tally import skip
-from deli.kernels.turning import turn
+from deli.kernels.turning import turn_back
 
 _PASSES = 1000
 _MOST_PASSES = 1_000_000
@@ -36,7 +36,7 @@ def _pass(machine: Machine, taken: int) -> tuple[int, int]:
     before = tally.counts[0, REFLECTION]
     groups = connect(machine, taken, False, system.coupled or numerical or not method.skip)
     for group in range(groups):
-        code = call(machine.hooks.numerical, address_of(machine), 0, 0, 0) if numerical else turn(machine, group, 1.0)
+        code = call(machine.hooks.numerical, address_of(machine), 0, 0, 0) if numerical else turn_back(machine, group, 1.0)
         if code != DONE:
             return code, groups
     if tally.counts[0, REFLECTION] == before:

@@ -20,7 +20,7 @@ from deli.kernels.system import (
 
 
 @kernel
-def turn(machine: Machine, group: int, share: float) -> int:
+def turn_back(machine: Machine, group: int, share: float) -> int:
     """Add `share` of the impulse that conserves the Hamiltonian to the momentum of one island."""
     system, method, work, islands, program = (
         machine.system,
@@ -201,4 +201,4 @@ def turn_numerical(machine: Machine, _one: int, _two: int, _three: int) -> int:
         return DONE
     # Contacts that graze approach in M⁻¹ while they recede in W, and no positive impulse conserves ½pᵀWp. Half the
     # impulse that conserves H is the smallest one that stops the approach.
-    return turn(machine, 0, 0.5)
+    return turn_back(machine, 0, 0.5)
