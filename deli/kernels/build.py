@@ -34,7 +34,7 @@ def ready() -> None:
             return
         marker = _marker(wanted[0])
         if not marker.exists():
-            logger.warning("compiling for this machine, which is done once and takes some ten seconds")
+            logger.warning("compiling deli for this machine: once, some twenty seconds on two cores")
             _build(wanted)
         for unit in wanted:
             unit.compile()
