@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from solvers.native_factor import INNER, append, direction, refine, remove
+from solvers.native_factor import append, direction, refine, remove
 from solvers.native_rows import SMALL, length, most_violated, residuals, scale
 
 __all__ = ["project", "project_within", "residuals"]
@@ -47,7 +47,7 @@ def project(
     return project_within(start, column, value, bounds, equalities, wish, tolerance, limit, most, z, y)
 
 
-@njit(**INNER)
+@njit(nogil=True, error_model="numpy")
 def project_within(
     start: np.ndarray,
     column: np.ndarray,

@@ -7,9 +7,7 @@ import numpy as np
 from numba import njit
 
 # Without wrappers for calls from Python, which take longer to compile than a loop does.
-INNER: dict[str, Any] = {
-    "cache": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True,
-}  # fmt: skip
+INNER: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 SMALL = 1e-3  # coordinates smaller than this, relative to the largest, may hold the rounding errors of others
 
 

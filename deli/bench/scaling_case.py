@@ -67,7 +67,8 @@ def measure(name: str, bodies: int, seconds: float) -> Row:
         return row
     stepper.record(block)  # the last state counts for the errors, whatever its number
     rows = int(progress[1])
-    recording = _recording_seconds(stepper, scene) * (steps // EVERY)
+    # Timed by itself, it can come out longer than what there is where a run takes microseconds.
+    recording = min(_recording_seconds(stepper, scene) * (steps // EVERY), max(0.0, elapsed - searched - solved))
     shares = {"search": searched, "solves": solved, "recording": recording}
     row |= {f"share_{part}": value / elapsed for part, value in shares.items()}
     row["share_kernels"] = max(0.0, 1.0 - sum(shares.values()) / elapsed)

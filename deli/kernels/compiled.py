@@ -18,8 +18,11 @@ _MONOTONIC = 1  # the clock that does not jump
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function for the units that call it, each of which absorbs it and is kept on disk as a whole."""
-    dispatcher = njit(nogil=True, error_model="numpy")(function)
+    """Compile a function for the units that call it, each of which absorbs it and is kept on disk as a whole.
+
+    It has no wrapper and cannot be called from Python, where it would crash.
+    """
+    dispatcher = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
     resolve = dispatcher.get_call_template
 
     def without_literals(arguments: Any, keywords: Any) -> Any:
