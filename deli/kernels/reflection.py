@@ -36,7 +36,9 @@ def _pass(machine: Machine, taken: int) -> tuple[int, int]:
     before = tally.counts[0, REFLECTION]
     groups = connect(machine, taken, False, system.coupled or numerical or not method.skip)
     for group in range(groups):
-        code = call(machine.hooks.numerical, address_of(machine), 0, 0, 0) if numerical else turn_back(machine, group, 1.0)
+        code = (
+            call(machine.hooks.numerical, address_of(machine), 0, 0, 0) if numerical else turn_back(machine, group, 1.0)
+        )
         if code != DONE:
             return code, groups
     if tally.counts[0, REFLECTION] == before:
