@@ -101,7 +101,7 @@ def _solve_native(
         for row in range(rows):
             y[row] = 0.0
         return True
-    if equalities > LARGEST:
+    if not newton and rows > LARGEST and _pressing(program, equalities, rows) > LARGEST:
         return False
     good = project_program(program, size, equalities, rows, method.tolerance[subproblem], newton) == 1
     solved = seconds(hooks.clock, machine.work.ticks)
@@ -116,6 +116,16 @@ def _solve_native(
         if subproblem != 1:
             measure(tally, subproblem, program.report[1], program.report[2], program.report[3])
     return good
+
+
+@kernel
+def _pressing(program: Program, equalities: int, rows: int) -> int:
+    """Rows that the unconstrained point does not meet: about as many as will press."""
+    count = equalities
+    for row in range(equalities, rows):
+        if along(program, row, program.wish) < program.bounds[row]:
+            count += 1
+    return count
 
 
 @kernel
