@@ -217,7 +217,7 @@ class Stepper:
 
     def _bind(self, program: Program) -> Record:
         parts = (self._system, self._method, self._work, self._islands, program, self._mail, self._bridge.hooks)
-        return Record(MACHINE, Machine(*parts, self.stats.tally))
+        return Record(MACHINE, Machine(*parts, self.stats.tally, StepStats().tally))
 
     def _call(self, unit: Unit, *arguments: Any) -> int:
         """Call a unit; what it asks of Python may overflow, which is seen in what comes of it."""

@@ -31,7 +31,7 @@ from deli.kernels.system import (
     UNILATERAL_GRADIENTS,
     Machine,
 )
-from deli.kernels.tally import skip
+from deli.kernels.tally import copy_tally, skip
 
 
 @kernel
@@ -197,6 +197,8 @@ def step(machine: Machine, known: bool) -> int:
             return code
     gradients_known = held > 0 or (touching > 0 and not method.reflects)
     smooth = 0
+    if system.reference.size > 0:
+        copy_tally(tally, machine.kept)
     while True:
         if active and not gradients_known:
             code = gradients_here(machine, held)
@@ -207,6 +209,7 @@ def step(machine: Machine, known: bool) -> int:
         if code != DONE:
             return code
         if strayed(machine, work.moved):
+            copy_tally(machine.kept, tally)
             return REFRESH
         if not (method.reflects and method.closed_loop):
             break

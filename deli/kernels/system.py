@@ -301,7 +301,7 @@ class Tally(NamedTuple):
 
 
 class Machine(NamedTuple):
-    """All that the kernels of one scene and method share."""
+    """All that the kernels of one scene and method share; `kept` is the tally before a step that may be tried again."""
 
     system: System
     method: Method
@@ -311,6 +311,7 @@ class Machine(NamedTuple):
     mail: Mail
     hooks: Hooks
     tally: Tally
+    kept: Tally
 
 
 MACHINE = RecordType(Machine)

@@ -43,3 +43,18 @@ def reset(tally: Tally) -> None:
             tally.residuals[k, subproblem] = math.nan
         tally.status[subproblem] = UNUSED
     tally.contacts[1] = 0
+
+
+@kernel
+def copy_tally(tally: Tally, out: Tally) -> None:
+    """Write the statistics to `out`."""
+    for subproblem in range(tally.status.size):
+        for k in range(5):
+            out.counts[k, subproblem] = tally.counts[k, subproblem]
+        for k in range(2):
+            out.times[k, subproblem] = tally.times[k, subproblem]
+        for k in range(3):
+            out.residuals[k, subproblem] = tally.residuals[k, subproblem]
+        out.status[subproblem] = tally.status[subproblem]
+    for k in range(tally.contacts.size):
+        out.contacts[k] = tally.contacts[k]

@@ -42,19 +42,31 @@ def test_a_gas_keeps_energy_and_momentum(boundary: str) -> None:
         assert np.abs(drift).max() < 1e-11
 
 
-@pytest.mark.parametrize("predictor", ["forward", "closed_loop"])
-def test_searching_neighbours_changes_nothing(predictor: str) -> None:
-    searched = gas()
+def struck(speed: float) -> deli.Scene:
+    """A dense gas at rest that twenty heavy spheres run into: a blow can outrun the neighbours that were searched."""
+    mass, momentum = np.ones(SPHERES), np.zeros((SPHERES, 3))
+    mass[:20] = 50.0
+    momentum[:20] = 50.0 * speed * np.array([0.8, 0.5, 0.33]) * np.linspace(0.5, 1.0, 20)[:, np.newaxis]
+    return dataclasses.replace(gas(filled=0.45), mass=mass, momentum=momentum)
+
+
+@pytest.mark.parametrize(
+    ("predictor", "speed"), [("forward", 0.0), ("closed_loop", 0.0), ("forward", 20.0), ("closed_loop", 40.0)]
+)
+def test_searching_neighbours_changes_nothing(predictor: str, speed: float) -> None:
+    searched = struck(speed) if speed else gas()
     (family,) = searched.unilateral.families
     pairs = np.stack(np.triu_indices(SPHERES, 1), axis=1)
     listed = dataclasses.replace(searched, unilateral=[dataclasses.replace(family, pairs=pairs)])
     assert searched.unilateral.searched
     assert not listed.unilateral.searched
-    runs = [
-        deli.simulate(scene, deli.GVI(predictor=predictor), step_size=0.01, steps=60)["trajectory"]
-        for scene in (searched, listed)
+    trees = [
+        deli.simulate(scene, deli.GVI(predictor=predictor), step_size=0.01, steps=60) for scene in (searched, listed)
     ]
+    runs = [tree["trajectory"] for tree in trees]
     assert runs[0]["reflected_contacts"].values.sum() > 20
+    for name in ("solves", "skipped", "rows"):
+        np.testing.assert_array_equal(*(tree["solver_stats"][name].values for tree in trees))
     for name in ("position", "momentum", "gap_min", "reflected_contacts"):
         np.testing.assert_array_equal(runs[0][name].values, runs[1][name].values)
 
