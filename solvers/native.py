@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from solvers.absorbed import absorbed
 from solvers.native_factor import append, direction, refine, remove
 from solvers.native_rows import SMALL, length, most_violated, residuals, scale
 
@@ -39,15 +40,15 @@ def project(
     wish: np.ndarray,
     tolerance: float,
     limit: int,
+    max_iterations: int,
     z: np.ndarray,
     y: np.ndarray,
 ) -> tuple[int, int]:
-    """Project with as many changes of the working set as any sane problem takes (`project_within`)."""
-    most = 100 + 20 * (bounds.size + wish.size)
-    return project_within(start, column, value, bounds, equalities, wish, tolerance, limit, most, z, y)
+    """Call `project_within` from Python."""
+    return project_within(start, column, value, bounds, equalities, wish, tolerance, limit, max_iterations, z, y)
 
 
-@njit(nogil=True, error_model="numpy")
+@absorbed
 def project_within(
     start: np.ndarray,
     column: np.ndarray,

@@ -4,15 +4,15 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
-from solvers.native_rows import INNER, SMALL
+from solvers.absorbed import absorbed
+from solvers.native_rows import SMALL
 
 EPSILON = 2.0**-52
 ROUNDS = 3  # corrections at the end; only nearly parallel rows take the third
 
 
-@njit(**INNER)
+@absorbed
 def dots(
     start: np.ndarray,
     column: np.ndarray,
@@ -30,7 +30,7 @@ def dots(
         right[i] = total
 
 
-@njit(**INNER)
+@absorbed
 def forward(factor: np.ndarray, w: int, right: np.ndarray) -> None:
     """Solve L x = right in place; L is stored row by row without its zeros."""
     place = 0
@@ -42,7 +42,7 @@ def forward(factor: np.ndarray, w: int, right: np.ndarray) -> None:
         place += i + 1
 
 
-@njit(**INNER)
+@absorbed
 def backward(factor: np.ndarray, w: int, right: np.ndarray) -> None:
     """Solve L'x = right in place."""
     for i in range(w - 1, -1, -1):
@@ -52,7 +52,7 @@ def backward(factor: np.ndarray, w: int, right: np.ndarray) -> None:
             right[j] -= factor[place + j] * right[i]
 
 
-@njit(**INNER)
+@absorbed
 def direction(
     start: np.ndarray,
     column: np.ndarray,
@@ -98,7 +98,7 @@ def direction(
     return squared
 
 
-@njit(**INNER)
+@absorbed
 def append(factor: np.ndarray, w: int, entry: np.ndarray, pivot: float) -> np.ndarray:
     """Append a row to L, in a storage twice as large if it is full."""
     place = w * (w + 1) // 2
@@ -113,7 +113,7 @@ def append(factor: np.ndarray, w: int, entry: np.ndarray, pivot: float) -> np.nd
     return factor
 
 
-@njit(**INNER)
+@absorbed
 def remove(
     factor: np.ndarray,
     working: np.ndarray,
@@ -146,7 +146,7 @@ def remove(
     return w - 1
 
 
-@njit(**INNER)
+@absorbed
 def refine(
     start: np.ndarray,
     column: np.ndarray,

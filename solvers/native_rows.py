@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-# Without wrappers for calls from Python, which take longer to compile than a loop does.
-INNER: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+from solvers.absorbed import absorbed
+
 SMALL = 1e-3  # coordinates smaller than this, relative to the largest, may hold the rounding errors of others
 
 
-@njit(**INNER)
+@absorbed
 def length(start: np.ndarray, value: np.ndarray, row: int) -> float:
     """Squared length of a row."""
     total = 0.0
@@ -20,7 +20,7 @@ def length(start: np.ndarray, value: np.ndarray, row: int) -> float:
     return total
 
 
-@njit(**INNER)
+@absorbed
 def scale(
     start: np.ndarray, column: np.ndarray, value: np.ndarray, bounds: np.ndarray, reach: np.ndarray, row: int
 ) -> float:
@@ -34,7 +34,7 @@ def scale(
     return total + abs(bounds[row])
 
 
-@njit(**INNER)
+@absorbed
 def most_violated(
     start: np.ndarray,
     column: np.ndarray,

@@ -12,7 +12,7 @@ from pathlib import Path
 import llvmlite.binding as llvm
 from numba.core.caching import FunctionCache
 
-from deli.kernels import advance, native, step, turning
+from deli.kernels import advance, islands, native, position, reflection, step, turning
 from deli.kernels.compiled import UNITS, Unit
 from deli.mechanics import tables
 from solvers import native as solver
@@ -21,8 +21,15 @@ logger = logging.getLogger("deli")
 
 # Units that few runs need: compiled when one does.
 _RARE = {unit.symbol for unit in (turning.turn_numerical, step.reflect_touching, advance.has_strayed)}
-# Relative times to compile; others take about one.
-_COSTS = {native.project_program.symbol: 8, step.step.symbol: 7, advance.record_state.symbol: 4}
+# Seconds to compile; others take about half a one.
+_COSTS = {
+    native.project_program: 4.0,
+    position._iterate: 3.8,
+    step.step: 2.9,
+    reflection.reflect: 2.2,
+    islands.connect: 1.5,
+    advance.record_state: 1.1,
+}
 _lock = threading.Lock()
 
 
@@ -34,7 +41,7 @@ def ready() -> None:
             return
         marker = _marker(wanted[0])
         if not marker.exists():
-            logger.warning("compiling deli for this machine: once, some twenty seconds on two cores")
+            logger.warning("compiling deli for this machine: once, some twelve seconds on two cores")
             _build(wanted)
         for unit in wanted:
             unit.compile()
@@ -70,7 +77,14 @@ def _build(units: list[Unit]) -> None:
         helper.wait()  # what it could not compile is compiled here, where an error is seen
 
 
-_CODE = "import sys; sys.path[:] = {path!r}; from deli.kernels.build import compile_apart; compile_apart({symbols!r})"
+# Without the garbage collector, which would go through all that numba keeps again and again.
+_CODE = """
+import gc, sys
+gc.disable()
+sys.path[:] = {path!r}
+from deli.kernels.build import compile_apart
+compile_apart({symbols!r})
+"""
 
 
 def compile_apart(symbols: list[str]) -> None:
@@ -81,5 +95,5 @@ def compile_apart(symbols: list[str]) -> None:
         UNITS[symbol].compile_to_disk()
 
 
-def _cost(unit: Unit) -> int:
-    return _COSTS.get(unit.symbol, 1)
+def _cost(unit: Unit) -> float:
+    return _COSTS.get(unit, 0.5)

@@ -8,8 +8,10 @@ from typing import Any
 import llvmlite.binding as llvm
 import numpy as np
 from llvmlite import ir
-from numba import cfunc, njit, types
+from numba import cfunc, types
 from numba.extending import intrinsic, models, register_model
+
+from solvers.absorbed import PlainCompiler, absorbed
 
 _WORD = ir.IntType(64)
 _C = {types.float64: ctypes.c_double, types.boolean: ctypes.c_bool}  # records are passed by address
@@ -17,20 +19,7 @@ _NOWHERE = 1
 _MONOTONIC = 1  # the clock that does not jump
 
 
-def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function for the units that call it, each of which absorbs it and is kept on disk as a whole.
-
-    It has no wrapper and cannot be called from Python, where it would crash.
-    """
-    dispatcher = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
-    resolve = dispatcher.get_call_template
-
-    def without_literals(arguments: Any, keywords: Any) -> Any:
-        # A function called with 0 and with n would be compiled twice.
-        return resolve([types.unliteral(argument) for argument in arguments], keywords)
-
-    dispatcher.get_call_template = without_literals
-    return dispatcher
+kernel = absorbed
 
 
 class Unit(types.ExternalFunction):
@@ -65,7 +54,8 @@ class Unit(types.ExternalFunction):
 
     def compile_to_disk(self) -> Any:
         """Compile it; the units it calls must be declared."""
-        return cfunc(self.sig, nopython=True, cache=True, error_model="numpy")(self.function)
+        options = {"nopython": True, "error_model": "numpy", "pipeline_class": PlainCompiler}
+        return cfunc(self.sig, cache=True, **options)(self.function)
 
     def declare(self) -> None:
         """Let units that call it be compiled, but not run, without it."""

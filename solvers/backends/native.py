@@ -8,9 +8,9 @@ import numpy as np
 from numba import njit
 
 from solvers import tolerances
+from solvers.absorbed import absorbed
 from solvers.backends.base import Answer, Backend, refuse_unknown
 from solvers.native import project_within
-from solvers.native_rows import INNER
 from solvers.program import Matrix, QuadraticProgram
 from solvers.solution import Status
 
@@ -167,7 +167,7 @@ def _solve(
     return status, iterations
 
 
-@njit(**INNER)
+@absorbed
 def _forward(L: np.ndarray, diagonal: bool, right: np.ndarray, at: int) -> None:
     """Solve with L in place, from an offset on."""
     for i in range(L.shape[1]):

@@ -10,7 +10,7 @@ from scipy import sparse
 from scipy.optimize import linprog
 
 import solvers
-from solvers.native import project, project_within, residuals
+from solvers.native import project, residuals
 from solvers.program import Matrix, QuadraticProgram
 from solvers.residuals import Residuals
 
@@ -27,7 +27,7 @@ def solve(rows, bounds, equalities, wish, tolerance=1e-9, limit=10**6):
     """Status, z, y and the largest KKT residual."""
     data = (*by_rows(rows), np.asarray(bounds, dtype=float), equalities, np.asarray(wish, dtype=float))
     z, y = np.full(len(wish), np.nan), np.full(len(bounds), np.nan)
-    status, iterations = project(*data, tolerance, limit, z, y)
+    status, iterations = project(*data, tolerance, limit, 10_000, z, y)
     assert iterations >= 0
     return status, z, y, max(residuals(*data, z, y))
 
@@ -236,11 +236,11 @@ def test_all_rows_active_and_leaving_again():
 def test_limits():
     data = (*by_rows(np.eye(3)), np.ones(3), 0, np.zeros(3), 1e-9)
     z, y = np.empty(3), np.empty(3)
-    assert project(*data, 3, z, y) == (SOLVED, 3)
-    assert project(*data, 2, z, y)[0] == TOO_LARGE
-    assert project(*data, 0, z, y)[0] == TOO_LARGE
-    assert project_within(*data, 3, 3, z, y) == (SOLVED, 3)
-    assert project_within(*data, 3, 2, z, y) == (ITERATION_LIMIT, 2)
+    assert project(*data, 3, 100, z, y) == (SOLVED, 3)
+    assert project(*data, 2, 100, z, y)[0] == TOO_LARGE
+    assert project(*data, 0, 100, z, y)[0] == TOO_LARGE
+    assert project(*data, 3, 3, z, y) == (SOLVED, 3)
+    assert project(*data, 3, 2, z, y) == (ITERATION_LIMIT, 2)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
@@ -260,7 +260,7 @@ def test_columns_may_be_in_any_order():
     start, column, value = by_rows(rows)
     backwards = np.concatenate([np.arange(start[i + 1] - 1, start[i] - 1, -1) for i in range(len(bounds))])
     z, y = np.empty(len(wish)), np.empty(len(bounds))
-    project(start, column[backwards], value[backwards], bounds, equalities, wish, 1e-9, 100, z, y)
+    project(start, column[backwards], value[backwards], bounds, equalities, wish, 1e-9, 100, 100, z, y)
     np.testing.assert_allclose(z, solve(rows, bounds, equalities, wish)[1], atol=1e-14)
 
 
