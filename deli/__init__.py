@@ -10,8 +10,11 @@ from deli.errors import DeliError, InputError, StepError
 if TYPE_CHECKING:
     from deli import plotting, scenes
     from deli.ensemble import simulate_ensemble
+    from deli.integrators.direct import Direct
     from deli.integrators.discrete_smooth import DiscreteSmooth
     from deli.integrators.gvi import GVI
+    from deli.integrators.moreau_jean import MoreauJean
+    from deli.integrators.newmark import Newmark
     from deli.mechanics.constraints import Planes
     from deli.mechanics.distances import AnchoredRods, Rods, SpheresApart, SpheresInside, SpheresOutside
     from deli.mechanics.functions import Constraints, Potential
@@ -29,11 +32,14 @@ __all__ = [
     "AnchoredRods",
     "Constraints",
     "DeliError",
+    "Direct",
     "DiscreteSmooth",
     "Gravity",
     "InputError",
     "Interrupted",
     "LennardJones",
+    "MoreauJean",
+    "Newmark",
     "Planes",
     "Potential",
     "RadialPowers",
@@ -57,10 +63,13 @@ _HOME = {
     "GVI": "deli.integrators.gvi",
     "AnchoredRods": "deli.mechanics.distances",
     "Constraints": "deli.mechanics.functions",
+    "Direct": "deli.integrators.direct",
     "DiscreteSmooth": "deli.integrators.discrete_smooth",
     "Gravity": "deli.mechanics.potentials",
     "Interrupted": "deli.running.interrupts",
     "LennardJones": "deli.mechanics.pair_potentials",
+    "MoreauJean": "deli.integrators.moreau_jean",
+    "Newmark": "deli.integrators.newmark",
     "Planes": "deli.mechanics.constraints",
     "Potential": "deli.mechanics.functions",
     "RadialPowers": "deli.mechanics.potentials",

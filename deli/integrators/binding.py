@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from deli.errors import InputError
-from deli.kernels.system import Islands, Mail, Method, Program, System, Work
+from deli.kernels.system import FROZEN, Islands, Mail, Method, Program, System, Work
 from deli.mechanics.scene import Scene
 from deli.mechanics.schemes import Scheme
 from deli.mechanics.tables import OTHER, PLANE, Rows
@@ -23,14 +23,17 @@ _STEPS = 12  # steps that the fastest bodies take before neighbours are searched
 _LARGEST_NEWTON = 300  # degrees of freedom beyond which a dense factor costs more than the iterations it saves
 
 
-def bind_system(scene: Scene, scheme: Scheme) -> System:
-    """Return the scene's arrays; where rows are searched, none of those are there yet."""
+def bind_system(scene: Scene, implicit: bool) -> System:
+    """Return the scene's arrays; where rows are searched, none of those are there yet.
+
+    `implicit` says whether the force of the position update depends on x.
+    """
     potential, unilateral, bilateral = scene.potential, scene.unilateral, scene.bilateral
     free, held = unilateral.table, bilateral.table
     other_unilateral = sum(family.rows for family in unilateral.others)
     other_bilateral = sum(family.rows for family in bilateral.others)
     curved, known = _curvature(scene)
-    constant = not (scheme.implicit and curved)
+    constant = not (implicit and curved)
     return System(
         dimension=scene.dimension,
         mass=_plain(scene.mass),
@@ -76,31 +79,54 @@ def search(
 
 
 def bind_method(
-    scheme: Scheme,
     step_size: float,
     choices: dict[str, SolverChoice],
     skip: bool,
     contact_tolerance: float,
     *,
+    weights: tuple[float, float, float],
+    later: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    gain: float = 0.0,
+    share: float = 1.0,
+    place: float = 1.0,
+    rows: int = FROZEN,
+    restitution: float = 0.0,
     reflects: bool = False,
     operator: str = "generalized",
-    numerical: bool = False,
+    numerical: Scheme | None = None,
     closed_loop: bool = False,
 ) -> Method:
-    """Return a method in the form that kernels read."""
+    """Return a method in the form that kernels read; see `deli.kernels.system.Method` for what its numbers mean.
+
+    `weights` and `later` are start, middle and end of the force; `numerical` is the scheme whose numerical Hamiltonian
+    reflections conserve, if it is one's.
+    """
     if operator not in OPERATORS:
         raise InputError(f"reflection operator {operator!r} is unknown; allowed: {', '.join(OPERATORS)}.")
     if not 0 < contact_tolerance < 1:
         raise InputError(f"contact_tolerance is {contact_tolerance!r}; allowed: 0 < contact_tolerance < 1.")
     chosen = [choices[name] for name in SUBPROBLEMS]
     native = np.array([choice.backend in NATIVE and skip for choice in chosen])
+    start, middle, end = weights
     return Method(
         step_size=step_size,
-        implicit=scheme.implicit,
+        start=start,
+        middle=middle,
+        end=end,
+        later_start=later[0],
+        later_middle=later[1],
+        later_end=later[2],
+        gain=gain,
+        share=share,
+        place=place,
+        rows=rows,
+        restitution=restitution,
+        stiffness=step_size**2 * share * (0.5 * middle + end),
+        implicit=middle != 0.0 or end != 0.0,
         reflects=reflects,
         operator=OPERATORS.index(operator),
-        numerical=numerical,
-        curvature=2.0 * scheme.numerical_curvature * step_size**2,
+        numerical=numerical is not None,
+        curvature=2.0 * numerical.numerical_curvature * step_size**2 if numerical else 0.0,
         closed_loop=closed_loop,
         skip=skip,
         contact_tolerance=float(contact_tolerance),
@@ -116,7 +142,7 @@ def work_arrays(
     """Return what the steps of a system work in; arrays of `known` that have the right size are kept."""
     dof, bodies, dimension = system.mass.size, system.component.size, system.dimension
     rows, held = system.unilateral.kind.size, system.bilateral.kind.size
-    values = ("gaps", "gaps_moved", "approach", "still", "pressed", "scaled", "best_pressed", "best_scaled")
+    values = ("gaps", "gaps_moved", "base", "approach", "still", "pressed", "scaled", "best_pressed", "best_scaled")
     flags = _each(("touching", "active", "landing", "resting"), rows)
     lists = _each(("marked", "chosen", "smooth", "pressing"), rows) | {"ticks": (2,)}
     shapes: dict[str, tuple[int, ...]] = {
@@ -129,6 +155,7 @@ def work_arrays(
         **_each(("held_normals", "held_normals_moved"), held, dimension),
         **_each(("held_gradients", "held_gradients_moved"), system.other_bilateral, dof),
         "mismatch": (held,),
+        "held_base": (held,),
         "report": (8,),
     }
     kinds = dict.fromkeys(flags, np.bool_) | dict.fromkeys(lists, np.int64)

@@ -33,9 +33,11 @@ class Bridge:
         By subproblem.
     numerical : bool
         Whether reflections conserve the numerical Hamiltonian.
+    step : int
+        Address of the unit that takes a step.
     """
 
-    def __init__(self, scene: Scene, mail: Mail, solvers: list[ProgramSolver], numerical: bool) -> None:
+    def __init__(self, scene: Scene, mail: Mail, solvers: list[ProgramSolver], numerical: bool, step: int) -> None:
         self.raised: BaseException | None = None
         self._scene = scene
         self._mail = mail
@@ -55,7 +57,7 @@ class Bridge:
         self._evaluate = _Function(self._answer)
         self._solve = _Function(self._answer_program)
         numerical_unit = turn_numerical.address if numerical else 0
-        self.hooks = Hooks(_address(self._evaluate), _address(self._solve), clock_address(), numerical_unit)
+        self.hooks = Hooks(_address(self._evaluate), _address(self._solve), clock_address(), numerical_unit, step)
 
     def forget(self) -> BaseException | None:
         """Return what was raised since the last call."""

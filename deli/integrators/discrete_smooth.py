@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from deli.errors import InputError
-from deli.mechanics.schemes import SCHEMES
+from deli.mechanics.schemes import SCHEMES, get_scheme
 
 if TYPE_CHECKING:
     from deli.integrators.stepper import Stepper
@@ -48,4 +48,4 @@ class DiscreteSmooth:
         """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
         from deli.integrators.stepper import Stepper  # numba takes half a second to import
 
-        return Stepper(scene, self.scheme, step_size, solvers, skip, contact_tolerance)
+        return Stepper(scene, step_size, solvers, skip, contact_tolerance, weights=get_scheme(self.scheme).weights)

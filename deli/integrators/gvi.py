@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from deli.errors import InputError
-from deli.mechanics.schemes import SCHEMES
+from deli.mechanics.schemes import SCHEMES, get_scheme
 from deli.subproblems.reflection import ENERGIES, OPERATORS
 
 if TYPE_CHECKING:
@@ -66,15 +66,16 @@ class GVI:
         """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
         from deli.integrators.stepper import Stepper  # numba takes half a second to import
 
+        scheme = get_scheme(self.scheme)
         return Stepper(
             scene,
-            self.scheme,
             step_size,
             solvers,
             skip,
             contact_tolerance,
+            weights=scheme.weights,
             reflects=True,
             operator=self.reflection,
-            numerical=self.energy == "numerical",
+            numerical=scheme if self.energy == "numerical" else None,
             closed_loop=self.predictor == "closed_loop",
         )

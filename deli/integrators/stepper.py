@@ -16,7 +16,6 @@ from deli.kernels.step import reflect_touching, step
 from deli.kernels.system import MACHINE, Machine, Program
 from deli.mechanics.energies import reflection_metric
 from deli.mechanics.scene import Scene
-from deli.mechanics.schemes import get_scheme
 from deli.subproblems import position, projection, reflection
 from deli.subproblems.choices import parse_choices
 from deli.subproblems.program import ProgramSolver
@@ -34,7 +33,6 @@ class Stepper:
     Parameters
     ----------
     scene : Scene
-    scheme : str
     step_size : float
         h > 0.
     solvers : str or mapping
@@ -45,6 +43,8 @@ class Stepper:
         τ: "g = 0" means ``|g_i| ≤ τ L |∇g_i(q₀)|`` with L the scene's length; "∇gᵀv = 0" means
         ``|∇g_iᵀv| ≤ τ ‖∇g_i‖ (‖p‖ + ‖impulse of the forces in one step‖)``, norms in the metric M⁻¹ over the bodies
         that the constraint touches. Both are unchanged by units and by how a constraint is scaled.
+    unit : Unit
+        The kernel that takes a step.
     **method
         What kind of step it is: see `deli.integrators.binding.bind_method`.
 
@@ -57,24 +57,24 @@ class Stepper:
     def __init__(
         self,
         scene: Scene,
-        scheme: str,
         step_size: float,
         solvers: object = "auto",
         skip: bool = True,
         contact_tolerance: float = 1e-8,
+        unit: Unit = step,
         **method: Any,
     ) -> None:
         if isinstance(step_size, bool) or not isinstance(step_size, (int, float)) or not 0 < step_size < np.inf:
             raise InputError(f"step_size is {step_size!r}; allowed: a finite number > 0.")
         ready()
-        slots = get_scheme(scheme)
         self.scene = scene
         self.step_size = float(step_size)
         self.choices = parse_choices(solvers)
         self.skip = skip
         self.stats = StepStats()
-        self._scheme = slots
-        self._method = bind_method(slots, self.step_size, self.choices, skip, contact_tolerance, **method)
+        self._unit = unit
+        self._numerical = method.get("numerical")
+        self._method = bind_method(self.step_size, self.choices, skip, contact_tolerance, **method)
         program = self._bind_scene()
         models = (
             (reflection.model, reflection.numerical_model),
@@ -85,7 +85,7 @@ class Stepper:
             ProgramSolver(number, *pair, program, choice, self.stats, measured=number != codes.POSITION, skip=skip)
             for number, (pair, choice) in enumerate(zip(models, self.choices.values(), strict=True))
         ]
-        self._bridge = Bridge(scene, self._mail, self._solvers, self._method.numerical)
+        self._bridge = Bridge(scene, self._mail, self._solvers, self._method.numerical, unit.address)
         self._machine = self._bind(program)
 
     def switch(self, scene: Scene, system: int | None = None) -> None:
@@ -107,8 +107,13 @@ class Stepper:
         program = self._bind_scene()
         for solver in self._solvers:
             solver.bind(program)
-        self._bridge = Bridge(scene, self._mail, self._solvers, self._method.numerical)
+        self._bridge = Bridge(scene, self._mail, self._solvers, self._method.numerical, self._unit.address)
         self._machine = self._bind(program)
+
+    @property
+    def implicit(self) -> bool:
+        """Whether a step's force depends on where it leads."""
+        return self._method.implicit
 
     @property
     def backends(self) -> set[str]:
@@ -125,10 +130,10 @@ class Stepper:
             If a subproblem could not be solved, or the state is no longer finite.
         """
         self.place(position, momentum)
-        code = self._call(step, False)
+        code = self._call(self._unit, 0, 0, 0)
         while code == codes.REFRESH:
             self._widen()
-            code = self._call(step, False)
+            code = self._call(self._unit, 0, 0, 0)
         if code != codes.DONE:
             self._raise(code)
         moved, carried = self._work.moved.copy(), self._work.carried.copy()
@@ -210,7 +215,7 @@ class Stepper:
                 return error
 
     def _bind_scene(self) -> Program:
-        self._system, self._tries = bind_system(self.scene, self._scheme), 0
+        self._system, self._tries = bind_system(self.scene, self._method.implicit), 0
         self._mail = mail_arrays(self._system, self._method.numerical)
         self._work, self._islands, self._program = work_arrays(self._system, self._method.numerical)
         return self._program
@@ -266,7 +271,7 @@ class Stepper:
                 f"(fastest at {report[3]:.2e}) after {report[2]:.0f} passes; try another operator or a smaller "
                 f"step_size."
             )
-        if code == codes.INDEFINITE:
-            reflection_metric(self.scene, self._scheme, self._work.q, self.step_size)  # says from which step size on
+        if code == codes.INDEFINITE and self._numerical is not None:
+            reflection_metric(self.scene, self._numerical, self._work.q, self.step_size)  # says from which step size on
             raise StepError("reflection: the metric of the numerical Hamiltonian is not positive definite to rounding.")
         raise StepError("the state is no longer finite; use a smaller step_size.")

@@ -9,7 +9,6 @@ from deli.integrators.binding import bind_system, components
 from deli.kernels.record import Records
 from deli.kernels.system import MACHINE
 from deli.mechanics.scene import Scene
-from deli.mechanics.schemes import Scheme
 from deli.mechanics.tables import PLANE, Rows, Terms
 
 
@@ -22,7 +21,7 @@ def shape_of(scene: Scene) -> tuple[int, ...] | None:
     return unilateral.table.kind.size, bilateral.table.kind.size, terms.kind.size, terms.body.size
 
 
-def bind_systems(scenes: Sequence[Scene], scheme: Scheme) -> Records:
+def bind_systems(scenes: Sequence[Scene], implicit: bool) -> Records:
     """Return the arrays of scenes of one shape, the same to the bit as `bind_system` returns for each."""
     length: Any = np.array([scene.length_scale for scene in scenes])
     mass = _column([scene.mass for scene in scenes])
@@ -30,7 +29,7 @@ def bind_systems(scenes: Sequence[Scene], scheme: Scheme) -> Records:
         _columns([getattr(scene, side).table for scene in scenes], Rows) for side in ("unilateral", "bilateral")
     )
     tables = [Rows._make(column[k] for column in held) for k in range(len(held.kind))]
-    system = bind_system(scenes[0], scheme)._replace(
+    system = bind_system(scenes[0], implicit)._replace(
         mass=mass,
         inverse=1.0 / mass,
         root=np.sqrt(mass),

@@ -7,12 +7,11 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from deli.kernels.compiled import kernel, seconds, unit
+from deli.kernels.compiled import address_of, call, kernel, seconds, unit
 from deli.kernels.contacts import approached, find_gaps, strayed
 from deli.kernels.forces import ask, energy
 from deli.kernels.record import Record, RecordType
 from deli.kernels.rows import value
-from deli.kernels.step import step
 from deli.kernels.system import BILATERAL, DONE, LEAST_GAP, MACHINE, Machine, Matrix, Numbers
 from deli.kernels.tally import reset
 
@@ -156,12 +155,12 @@ def advance(machine: Machine, block: Block, steps: int, every: int, deadline: fl
     A row is written after every `every`-th step of the run and after the last.
     """
     work, hooks, progress = machine.work, machine.hooks, block.progress
-    known = False
+    known = 0
     while progress[0] < steps and progress[1] < block.position.shape[0]:
-        code = step(machine, known)
+        code = call(hooks.step, address_of(machine), known, 0, 0)
         if code != DONE:
             return code
-        known = True
+        known = 1
         for k in range(work.q.size):
             work.q[k] = work.moved[k]
             work.p[k] = work.carried[k]

@@ -12,7 +12,7 @@ from pathlib import Path
 import llvmlite.binding as llvm
 from numba.core.caching import FunctionCache
 
-from deli.kernels import advance, islands, native, position, reflection, step, turning
+from deli.kernels import advance, direct, islands, native, position, reflection, step, turning
 from deli.kernels.compiled import UNITS, Unit
 from deli.mechanics import tables
 from solvers import native as solver
@@ -20,7 +20,9 @@ from solvers import native as solver
 logger = logging.getLogger("deli")
 
 # Units that few runs need: compiled when one does.
-_RARE = {unit.symbol for unit in (turning.turn_numerical, step.reflect_touching, advance.has_strayed)}
+_RARE = {
+    unit.symbol for unit in (turning.turn_numerical, step.reflect_touching, advance.has_strayed, direct.substitute)
+}
 # Seconds to compile; others take about half a one.
 _COSTS = {
     native.project_program: 4.0,

@@ -10,6 +10,8 @@ from deli.kernels.rows import normal, values, weight
 from deli.kernels.system import (
     BILATERAL_GRADIENTS,
     DONE,
+    NOT_FINITE,
+    REFRESH,
     UNILATERAL,
     UNILATERAL_GRADIENTS,
     Machine,
@@ -18,7 +20,7 @@ from deli.kernels.system import (
 )
 from deli.mechanics.tables import OTHER
 
-_VIOLATED = 1e-12  # scaled gap below which a constraint is violated by more than rounding
+VIOLATED = 1e-12  # scaled gap below which a constraint is violated by more than rounding
 _ROUNDOFF = 8 * 2.0**-52  # of the momenta of all bodies, which leaks into each of them
 
 
@@ -53,6 +55,25 @@ def strayed(machine: Machine, q: np.ndarray) -> bool:
     """Whether a body may have come to touch one that is not among its searched neighbours."""
     system = machine.system
     return system.reference.size > 0 and not approached(machine, q) < 0.999 * system.reach
+
+
+@kernel
+def begin(machine: Machine, known: int) -> int:
+    """Find g(q), unless it is known."""
+    if known:
+        return DONE
+    if strayed(machine, machine.work.q):
+        return REFRESH
+    return find_gaps(machine, machine.work.q, machine.work.gaps)
+
+
+@kernel
+def finite(work: Work) -> int:
+    """Code of a step that has led to (``work.moved``, ``work.carried``)."""
+    total = 0.0
+    for k in range(work.moved.size):
+        total += abs(work.moved[k]) + abs(work.carried[k])
+    return DONE if math.isfinite(total) else NOT_FINITE
 
 
 @kernel
@@ -144,7 +165,7 @@ def spread_to_violated(system: System, work: Work) -> bool:
     """
     changed = False
     for row in range(system.unilateral.kind.size):
-        if work.gaps_moved[row] < -_VIOLATED * system.gap_scale[row]:
+        if work.gaps_moved[row] < -VIOLATED * system.gap_scale[row]:
             if not work.active[row]:
                 work.active[row] = True
                 changed = True

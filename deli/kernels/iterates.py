@@ -91,12 +91,12 @@ def floor(machine: Machine, group: int, newton: bool) -> float:
     floor = reach / system.length
     if newton:
         for k in range(work.q.size):
-            work.stress[k] = work.q[k] + 0.5 * h * work.best[k]
+            work.stress[k] = work.q[k] + (0.5 if method.middle != 0.0 else 1.0) * h * work.best[k]
         if hessian(machine, work.stress) == DONE:
             for i in range(work.q.size):
                 total = 0.0
                 for j in range(work.q.size):
                     total += abs(mail.hessian[i, j]) * abs(work.q[j] + h * work.best[j])
-                stiffness = 0.25 * h * h * total / root[i]
+                stiffness = method.stiffness * total / root[i]
                 floor = max(floor, stiffness / (h * (impulse if impulse > 0.0 else 1.0)))
     return _ROUNDING * floor

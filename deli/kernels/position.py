@@ -2,24 +2,23 @@
 
 import math
 
-import numpy as np
 from numba import types
 
 from deli.kernels.compiled import kernel, unit
 from deli.kernels.dense import backward, factorize, forward
-from deli.kernels.forces import ask, gradient, hessian
+from deli.kernels.forces import ask, hessian
 from deli.kernels.islands import connect
 from deli.kernels.iterates import floor, judge, keep
-from deli.kernels.rows import value
-from deli.kernels.solve import along, gather_rows, solve
+from deli.kernels.linearization import bounds, evaluate, evaluate_affine, first_force, reached
+from deli.kernels.solve import gather_rows, solve
 from deli.kernels.system import (
-    BILATERAL,
+    AFFINE,
     DONE,
     MACHINE,
+    MOVING,
     POSITION,
     SOFTEN,
     UNCONVERGED,
-    UNILATERAL,
     Machine,
 )
 from deli.kernels.tally import measure, skip
@@ -33,51 +32,8 @@ _PATIENCE = 3  # iterations without progress after which the floor is reached
 
 
 @kernel
-def first_force(machine: Machine, q: np.ndarray, x: np.ndarray, out: np.ndarray) -> int:
-    """Force slot of D₁L_d(q, x): −(h/2)∇V at the midpoint (8.2), or at q (8.3)."""
-    method, work = machine.method, machine.work
-    half = -0.5 * method.step_size
-    if method.implicit:
-        for k in range(q.size):
-            work.stress[k] = 0.5 * (q[k] + x[k])
-        code = gradient(machine, work.stress, out)
-    else:
-        code = gradient(machine, q, out)
-    for k in range(q.size):
-        out[k] *= half
-    return code
-
-
-@kernel
-def _evaluate(machine: Machine, group: int, whole: bool) -> int:
-    """Force where it depends on x, g_𝕊(x) and f(x) of one island."""
-    system, work, islands, mail = machine.system, machine.work, machine.islands, machine.mail
-    if whole and not system.constant:
-        code = first_force(machine, work.q, work.moved, work.force)
-        if code != DONE:
-            return code
-    begin, end = islands.row_start[group], islands.row_start[group + 1]
-    if begin < end and system.other_unilateral:
-        code = ask(machine, UNILATERAL, work.moved)
-        if code != DONE:
-            return code
-    for k in range(begin, end):
-        row = islands.rows[k]
-        work.gaps_moved[row] = value(system.unilateral, row, work.moved, mail.unilateral)
-    begin, end = islands.held_start[group], islands.held_start[group + 1]
-    if begin < end and system.other_bilateral:
-        code = ask(machine, BILATERAL, work.moved)
-        if code != DONE:
-            return code
-    for k in range(begin, end):
-        row = islands.held[k]
-        work.mismatch[row] = value(system.bilateral, row, work.moved, mail.bilateral)
-    return DONE
-
-
-@kernel
 def _metric(machine: Machine) -> int:
-    """Newton's metric A = M + (h²/4)V″ and ŵ = p + φ + (h²/4)V″v, over √M; z holds √M v.
+    """Newton's metric A = M + K and ŵ = p + φ + K u, over √M, with K = (h²/4)V″ for (8.2); z holds √M u.
 
     Where A is not positive definite the hessian's most negative eigenvalues are raised in both: the fixed point is
     the same.
@@ -85,17 +41,16 @@ def _metric(machine: Machine) -> int:
     system, method, work, program, mail = machine.system, machine.method, machine.work, machine.program, machine.mail
     size, root = system.mass.size, system.root
     for k in range(size):
-        work.stress[k] = 0.5 * (work.q[k] + work.moved[k])
+        work.stress[k] = 0.5 * (work.q[k] + work.moved[k]) if method.middle != 0.0 else work.moved[k]
     code = hessian(machine, work.stress)
     if code != DONE:
         return code
-    quarter = 0.25 * method.step_size**2
     for attempt in range(2):
         for i in range(size):
             for j in range(size):
                 entry = mail.hessian[i, j]
                 if attempt == 0:
-                    entry *= quarter / (root[i] * root[j])
+                    entry *= method.stiffness / (root[i] * root[j])
                     mail.hessian[i, j] = entry
                 program.metric[i, j] = entry + 1.0 if i == j else entry
         if factorize(program.metric, size, program.factor):
@@ -122,7 +77,7 @@ def _iterate(machine: Machine, group: int, whole: bool, free: bool) -> int:
         machine.program,
         machine.tally,
     )
-    h, dimension, root = method.step_size, system.dimension, system.root
+    dimension, root = system.dimension, system.root
     row_begin, row_end = islands.row_start[group], islands.row_start[group + 1]
     held_begin, held_end = islands.held_start[group], islands.held_start[group + 1]
     body_begin, body_end = islands.body_start[group], islands.body_start[group + 1]
@@ -132,9 +87,9 @@ def _iterate(machine: Machine, group: int, whole: bool, free: bool) -> int:
     exact = linear or method.exact[POSITION]
     accepted = _ACCEPTED if exact else max(_ACCEPTED, _SLACK * method.tolerance[POSITION])
     newton = system.newton and whole
-    if rows:
+    if rows and method.rows != MOVING:
         gather_rows(machine, group)
-    code = _evaluate(machine, group, whole)
+    code = evaluate(machine, group, whole)
     if code != DONE:
         return code
     least, stalled = math.inf, 0
@@ -151,12 +106,7 @@ def _iterate(machine: Machine, group: int, whole: bool, free: bool) -> int:
             code = _metric(machine)
             if code != DONE:
                 return code
-        for k in range(rows):
-            if k < equalities:
-                gap = work.mismatch[islands.held[held_begin + k]]
-            else:
-                gap = work.gaps_moved[islands.rows[row_begin + k - equalities]]
-            program.bounds[k] = along(program, k, program.z) - gap / (h * program.lengths[k])
+        bounds(machine, group, equalities, rows)
         if linear and rows == 0:
             for k in range(size):
                 program.z[k] = program.wish[k]
@@ -172,9 +122,11 @@ def _iterate(machine: Machine, group: int, whole: bool, free: bool) -> int:
             for axis in range(dimension):
                 dof = islands.bodies[k] * dimension + axis
                 work.velocity[dof] = program.z[local] / root[dof]
-                work.moved[dof] = work.q[dof] + h * work.velocity[dof]
+                work.moved[dof] = reached(machine, dof)
                 local += 1
-        code = _evaluate(machine, group, whole)
+        if method.rows == AFFINE:
+            evaluate_affine(machine, group, equalities, rows)
+        code = evaluate(machine, group, whole)
         if code != DONE:
             return code
         first, second, third, certified = judge(machine, group, rows, equalities)
@@ -194,7 +146,7 @@ def _iterate(machine: Machine, group: int, whole: bool, free: bool) -> int:
     for k in range(body_begin, body_end):
         for axis in range(dimension):
             dof = islands.bodies[k] * dimension + axis
-            work.moved[dof] = work.q[dof] + h * work.velocity[dof]
+            work.moved[dof] = reached(machine, dof)
     if not free:
         measure(tally, POSITION, primal, dual, complementarity)
     return DONE
@@ -211,7 +163,7 @@ def predict(machine: Machine) -> int:
         code = first_force(machine, work.q, work.moved, work.force)
         for k in range(work.q.size):
             work.velocity[k] = (work.p[k] + work.force[k]) * system.inverse[k]
-            work.moved[k] = work.q[k] + method.step_size * work.velocity[k]
+            work.moved[k] = reached(machine, k)
         return code
     for k in range(work.q.size):
         work.momentum[k] = work.p[k]
@@ -236,7 +188,7 @@ def update(machine: Machine, count: int) -> int:
     if not whole:
         for k in range(work.q.size):
             work.velocity[k] = (work.momentum[k] + work.force[k]) * system.inverse[k]
-            work.moved[k] = work.q[k] + method.step_size * work.velocity[k]
+            work.moved[k] = reached(machine, k)
     groups = connect(machine, count, True, whole)
     for group in range(groups):
         code = _iterate(machine, group, whole, False)

@@ -1,13 +1,13 @@
 """One step: Algorithm 1 with bilateral constraints (7.8, 7.9), or its smooth part (5.6-5.9)."""
 
-import math
-
 from numba import types
 
 from deli.kernels.compiled import kernel, unit
 from deli.kernels.contacts import (
+    begin,
     copy,
     find_gaps,
+    finite,
     first_force_here,
     gradients_here,
     spread_to_violated,
@@ -23,7 +23,6 @@ from deli.kernels.system import (
     BILATERAL_GRADIENTS,
     DONE,
     MACHINE,
-    NOT_FINITE,
     POSITION,
     PROJECTION,
     REFLECTION,
@@ -152,8 +151,8 @@ def _carry(machine: Machine, smooth: int) -> int:
     return tangent(machine, count)
 
 
-@unit(types.int64, MACHINE, types.boolean)
-def step(machine: Machine, known: bool) -> int:
+@unit(types.int64, MACHINE, *(types.int64,) * 3)
+def step(machine: Machine, known: int, _one: int, _two: int) -> int:
     """Write the state one step after (``work.q``, ``work.p``) to ``work.moved`` and ``work.carried``.
 
     `known` says that ``work.gaps`` holds g(q) already; on return ``work.gaps_moved`` holds g(x).
@@ -161,12 +160,9 @@ def step(machine: Machine, known: bool) -> int:
     system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
     table, dof = system.unilateral, work.q.size
     rows = table.kind.size
-    if not known:
-        if strayed(machine, work.q):
-            return REFRESH
-        code = find_gaps(machine, work.q, work.gaps)
-        if code != DONE:
-            return code
+    code = begin(machine, known)
+    if code != DONE:
+        return code
     code = predict(machine)
     if code != DONE:
         return code
@@ -222,10 +218,7 @@ def step(machine: Machine, known: bool) -> int:
     code = _carry(machine, smooth)
     if code != DONE:
         return code
-    total = 0.0
-    for k in range(dof):
-        total += abs(work.moved[k]) + abs(work.carried[k])
-    return DONE if math.isfinite(total) else NOT_FINITE
+    return finite(work)
 
 
 @unit(types.int64, MACHINE)

@@ -15,6 +15,8 @@ Flags = NDArray[np.bool_]
 
 GENERALIZED, MOREAU, SEQUENTIAL = 0, 1, 2
 REFLECTION, POSITION, PROJECTION = 0, 1, 2
+# The rows of a position update: their gradients are those at q, or follow the constraints; or they are affine.
+FROZEN, MOVING, AFFINE = 0, 1, 2
 
 # What a kernel returns. After REFRESH, neighbours must be searched and the step tried again; above it, it failed.
 DONE, REFRESH = 0, 1
@@ -87,8 +89,24 @@ class Method(NamedTuple):
     Attributes
     ----------
     step_size : float
+    start, middle, end : float
+        Weights of the force in the position update, φ = −h (start ∇V(q) + middle ∇V((q + x)/2) + end ∇V(x)).
+    later_start, later_middle, later_end : float
+        The same for the momentum at x, of methods that do not reflect.
+    gain : float
+        Of the impulse of the constraints in that momentum.
+    share : float
+        x = q + h (share u + (1 − share) M⁻¹p), with u what the position update solves for.
+    place : float
+        Constraints of a position update are taken at q + place (x − q).
+    rows : int
+        What the rows of a position update are.
+    restitution : float
+        Of normal velocities, in methods that do not reflect.
+    stiffness : float
+        K = stiffness V″ is minus the derivative of φ with respect to u.
     implicit : bool
-        Midpoint, as opposed to verlet.
+        Whether φ depends on x.
     reflects : bool
         Whether Algorithm 1 is followed, or only its smooth part.
     operator : int
@@ -104,6 +122,18 @@ class Method(NamedTuple):
     """
 
     step_size: float
+    start: float
+    middle: float
+    end: float
+    later_start: float
+    later_middle: float
+    later_end: float
+    gain: float
+    share: float
+    place: float
+    rows: int
+    restitution: float
+    stiffness: float
     implicit: bool
     reflects: bool
     operator: int
@@ -129,13 +159,16 @@ class Hooks(NamedTuple):
     clock : int
         ``clock_gettime`` of the C library.
     numerical : int
-        The unit `deli.kernels.reflection.turn_numerical`, which few runs need.
+        The unit `deli.kernels.turning.turn_numerical`, which few runs need.
+    step : int
+        The unit that takes a step of the method.
     """
 
     evaluate: int
     solve: int
     clock: int
     numerical: int
+    step: int
 
 
 class Program(NamedTuple):
@@ -233,7 +266,11 @@ class Islands(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Arrays of one step, by degree of freedom, by unilateral row, by bilateral row."""
+    """Arrays of one step, by degree of freedom, by unilateral row, by bilateral row.
+
+    `here` is ∇V(q), `spot` where the constraints of a position update are taken, `base` and `held_base` the values at
+    u = 0 of rows that are affine.
+    """
 
     q: Vector
     p: Vector
@@ -243,6 +280,8 @@ class Work(NamedTuple):
     velocity: Vector
     force: Vector
     stress: Vector
+    here: Vector
+    spot: Vector
     before: Vector
     best: Vector
     best_force: Vector
@@ -252,6 +291,7 @@ class Work(NamedTuple):
     free_momentum: Vector
     gaps: Vector
     gaps_moved: Vector
+    base: Vector
     normals: Matrix
     normals_moved: Matrix
     gradients: Matrix
@@ -271,6 +311,7 @@ class Work(NamedTuple):
     best_pressed: Vector
     best_scaled: Vector
     mismatch: Vector
+    held_base: Vector
     held_normals: Matrix
     held_normals_moved: Matrix
     held_gradients: Matrix

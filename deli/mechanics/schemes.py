@@ -20,8 +20,8 @@ class Scheme(abc.ABC):
     """
 
     name: ClassVar[str]
-    implicit: ClassVar[bool]
-    """Whether first_force depends on x, so that the step needs an iteration."""
+    weights: ClassVar[tuple[float, float, float]]
+    """Of the force at q, at the midpoint and at x, in first_force."""
     numerical_curvature: ClassVar[float]
     """Coefficient of h^2 p.M^-1 V'' M^-1 p in the second-order numerical Hamiltonian."""
     numerical_force: ClassVar[float]
@@ -41,7 +41,7 @@ class Midpoint(Scheme):
     """Implicit midpoint (8.2): both slots are -(h/2) grad V((q + x)/2)."""
 
     name = "midpoint"
-    implicit = True
+    weights = (0.0, 0.5, 0.0)
     numerical_curvature = -1.0 / 24.0
     numerical_force = -1.0 / 24.0
 
@@ -59,7 +59,7 @@ class Verlet(Scheme):
     """Stoermer-Verlet (8.3): -(h/2) grad V(q) in the first slot, -(h/2) grad V(x) in the second."""
 
     name = "verlet"
-    implicit = False
+    weights = (0.5, 0.0, 0.0)
     numerical_curvature = 1.0 / 12.0
     numerical_force = -1.0 / 24.0
 

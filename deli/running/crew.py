@@ -11,7 +11,6 @@ from deli.integrators.systems import bind_systems, shape_of
 from deli.kernels.advance import has_strayed
 from deli.kernels.record import Record
 from deli.mechanics.scene import Scene
-from deli.mechanics.schemes import get_scheme
 from deli.recording.ensemble import Gathering
 from deli.running.interrupts import StopRequests
 from deli.running.plan import Plan
@@ -85,7 +84,7 @@ class Crew:
     def _run_alike(self, steppers: dict[_Shape, Any], shape: _Shape, members: list[int]) -> None:
         """Run members of one shape, by its stepper."""
         plan, scenes = self._plan, [self._scenes[member] for member in members]
-        systems = None if shape is None else bind_systems(scenes, get_scheme(plan.method.scheme))
+        systems = None if shape is None else bind_systems(scenes, self._first.implicit)
         for place, (member, scene) in enumerate(zip(members, scenes, strict=True)):
             if self._stopped:
                 return

@@ -1,0 +1,70 @@
+"""Direct substitution of constraint forces into the implicit midpoint method (Appendix B)."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from deli.errors import InputError
+
+if TYPE_CHECKING:
+    from deli.integrators.stepper import Stepper
+    from deli.mechanics.scene import Scene
+
+CONSTRAINTS = ("midpoint", "endpoint")
+
+
+@dataclass(frozen=True)
+class Direct:
+    """Implicit midpoint with the constraints' forces substituted for forces (Kaufman and Pai 2012, B.3 to B.5).
+
+    With y = (q + x)/2, or y = x where constrained at the endpoint, one step solves
+
+        M(x − q)/h = p − (h/2) ∇V((q + x)/2) + N(y)λ + F(y)ν,   0 ≤ λ ⊥ g(y) ≥ 0,   f(y) = 0
+
+    and sets p⁺ = (2/h) M(x − q) − p (B.15). At the midpoint, x is a stationary point of (B.14). Nonlinear g, f and V
+    are met by a sequence of convex programs, of which the first is exact where V is quadratic and g is linear.
+    Impacts give back an amount of energy that depends on where in the step they fall: at the midpoint too much or too
+    little, at the endpoint at most all of it (Theorem B.1).
+
+    Parameters
+    ----------
+    constraint : {"midpoint", "endpoint"}
+        Where the constraints hold, and where their gradients are taken.
+
+    Raises
+    ------
+    InputError
+        For another name.
+    """
+
+    constraint: str = "midpoint"
+
+    def __post_init__(self) -> None:
+        if self.constraint not in CONSTRAINTS:
+            raise InputError(f"Direct: constraint {self.constraint!r} is unknown; allowed: {', '.join(CONSTRAINTS)}.")
+
+    def stepper(
+        self,
+        scene: "Scene",
+        step_size: float,
+        solvers: object = "auto",
+        skip: bool = True,
+        contact_tolerance: float = 1e-8,
+    ) -> "Stepper":
+        """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
+        from deli.integrators.stepper import Stepper  # numba takes half a second to import
+        from deli.kernels.direct import substitute
+        from deli.kernels.system import MOVING
+
+        return Stepper(
+            scene,
+            step_size,
+            solvers,
+            skip,
+            contact_tolerance,
+            substitute,
+            weights=(0.0, 0.5, 0.0),
+            later=(0.0, 1.0, 0.0),
+            gain=2.0,
+            place=0.5 if self.constraint == "midpoint" else 1.0,
+            rows=MOVING,
+        )

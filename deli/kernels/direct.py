@@ -1,0 +1,138 @@
+"""Methods that substitute the impulses of the constraints into a scheme (Appendix B), or into that of Moreau."""
+
+from numba import types
+
+from deli.kernels.compiled import kernel, unit
+from deli.kernels.contacts import VIOLATED, begin, find_gaps, finite, gradients_here, strayed
+from deli.kernels.forces import gradient
+from deli.kernels.position import predict, update
+from deli.kernels.rows import normal, rate
+from deli.kernels.system import AFFINE, DONE, MACHINE, MOVING, POSITION, REFRESH, Machine
+from deli.kernels.tally import skip
+
+_FORECAST = 0.5  # of a step, after which Moreau's scheme looks for constraints that are met
+
+
+@kernel
+def _select_here(machine: Machine) -> int:
+    """Put rows that are met at q, or half a step on, into ``work.pressing``; return how many."""
+    system, method, work = machine.system, machine.method, machine.work
+    table, count = system.unilateral, 0
+    for row in range(table.kind.size):
+        gap, allowed = work.gaps[row], method.contact_tolerance * system.gap_scale[row]
+        normal(table, row, work.q, work.normals)
+        if method.rows == AFFINE:
+            speed = rate(table, row, work.normals, work.gradients, work.p, system.inverse)
+            gap, allowed = gap + _FORECAST * method.step_size * speed, 0.0
+            work.base[row] = method.step_size * method.restitution * speed
+        if gap <= allowed:
+            work.pressing[count] = row
+            count += 1
+    for row in range(system.bilateral.kind.size):
+        work.held_base[row] = 0.0
+    return count
+
+
+@kernel
+def _select_violated(machine: Machine, count: int) -> tuple[int, int]:
+    """Append rows that are violated where constraints are taken to ``work.pressing``; return a code and how many."""
+    system, method, work = machine.system, machine.method, machine.work
+    for k in range(work.q.size):
+        work.spot[k] = work.q[k] + method.place * (work.moved[k] - work.q[k])
+    code = find_gaps(machine, work.spot, work.gaps_moved)
+    if code != DONE:
+        return code, count
+    for row in range(system.unilateral.kind.size):
+        if not work.resting[row] and work.gaps_moved[row] < -VIOLATED * system.gap_scale[row]:
+            work.resting[row] = True
+            work.pressing[count] = row
+            count += 1
+    return DONE, count
+
+
+@kernel
+def _move(machine: Machine) -> tuple[int, int]:
+    """Position update with all the constraints it meets; return a code and how many rows that took."""
+    system, method, work = machine.system, machine.method, machine.work
+    held = system.bilateral.kind.size
+    if method.rows != MOVING:
+        code = gradients_here(machine, held)
+        if code != DONE:
+            return code, 0
+        count = _select_here(machine)
+        if count or held or not method.skip:
+            code = update(machine, count)
+        else:
+            skip(machine.tally, POSITION)
+        return code, count
+    for row in range(system.unilateral.kind.size):
+        work.resting[row] = False
+    before = count = 0
+    solved = held == 0 and method.skip
+    if solved:
+        skip(machine.tally, POSITION)
+    while True:
+        before = count
+        code, count = _select_violated(machine, count)
+        if code != DONE or (solved and count == before):
+            return code, count
+        code = update(machine, count)
+        if code != DONE:
+            return code, count
+        solved = True
+
+
+@kernel
+def _carry(machine: Machine) -> int:
+    """Momentum at x: that at q with the later weights of the force, and the gain of the constraints' impulse."""
+    system, method, work = machine.system, machine.method, machine.work
+    h, dof, later = method.step_size, work.q.size, work.before
+    for k in range(dof):
+        impulse = system.mass[k] * work.velocity[k] - work.p[k] - work.force[k]
+        work.carried[k] = work.p[k] + method.gain * impulse
+    if method.later_start != 0.0:
+        for k in range(dof):
+            work.carried[k] -= h * method.later_start * work.here[k]
+    if method.later_middle != 0.0 or method.later_end != 0.0:
+        weight = method.later_end
+        for k in range(dof):
+            work.stress[k] = work.moved[k]
+        if method.later_middle != 0.0:
+            weight = method.later_middle
+            for k in range(dof):
+                work.stress[k] = 0.5 * (work.q[k] + work.moved[k])
+        code = gradient(machine, work.stress, later)
+        if code != DONE:
+            return code
+        for k in range(dof):
+            work.carried[k] -= h * weight * later[k]
+    return DONE
+
+
+@unit(types.int64, MACHINE, *(types.int64,) * 3)
+def substitute(machine: Machine, known: int, _one: int, _two: int) -> int:
+    """Write the state one step after (``work.q``, ``work.p``), as `deli.kernels.step.step` does.
+
+    M u = p + φ(x) + N r + F s with 0 ≤ r ⊥ what the rows of the method say, and x = q + h (share u + (1 − share) M⁻¹p).
+    """
+    work, method = machine.work, machine.method
+    code = begin(machine, known)
+    if code == DONE and (method.later_start != 0.0 or (method.start != 0.0 and method.end != 0.0)):
+        code = gradient(machine, work.q, work.here)
+    if code == DONE:
+        code = predict(machine)
+    if code != DONE:
+        return code
+    for k in range(work.q.size):
+        work.momentum[k] = work.p[k]
+    if strayed(machine, work.moved):
+        return REFRESH
+    code, count = _move(machine)
+    if code == DONE:
+        code = REFRESH if strayed(machine, work.moved) else _carry(machine)
+    if code == DONE:
+        code = find_gaps(machine, work.moved, work.gaps_moved)
+    if code != DONE:
+        return code
+    machine.tally.contacts[0] = count
+    return finite(work)

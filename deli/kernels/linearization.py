@@ -1,0 +1,133 @@
+"""Position updates about an iterate: the force at x, and the rows with their values and right-hand sides."""
+
+import numpy as np
+
+from deli.kernels.compiled import kernel
+from deli.kernels.contacts import copy
+from deli.kernels.forces import ask, gradient
+from deli.kernels.rows import normal, value
+from deli.kernels.solve import along, gather_rows
+from deli.kernels.system import (
+    AFFINE,
+    BILATERAL,
+    BILATERAL_GRADIENTS,
+    DONE,
+    MOVING,
+    UNILATERAL,
+    UNILATERAL_GRADIENTS,
+    Machine,
+)
+
+
+@kernel
+def first_force(machine: Machine, q: np.ndarray, x: np.ndarray, out: np.ndarray) -> int:
+    """Force of the position update: of (8.2) that at the midpoint, of (8.3) that at q."""
+    method, work = machine.method, machine.work
+    at, weight = q, method.start
+    if method.middle != 0.0:
+        at, weight = work.stress, method.middle
+        for k in range(q.size):
+            at[k] = 0.5 * (q[k] + x[k])
+    elif method.end != 0.0:
+        at, weight = x, method.end
+    code = gradient(machine, at, out)
+    for k in range(q.size):
+        out[k] *= -method.step_size * weight
+    if method.end != 0.0 and method.start != 0.0:
+        for k in range(q.size):
+            out[k] -= method.step_size * method.start * work.here[k]
+    return code
+
+
+@kernel
+def reached(machine: Machine, dof: int) -> float:
+    """One component of x."""
+    system, method, work = machine.system, machine.method, machine.work
+    velocity = work.velocity[dof]
+    if method.share != 1.0:
+        velocity = method.share * velocity + (1.0 - method.share) * work.p[dof] * system.inverse[dof]
+    return work.q[dof] + method.step_size * velocity
+
+
+@kernel
+def evaluate(machine: Machine, group: int, whole: bool) -> int:
+    """Force where it depends on x, g_𝕊 and f of one island; rows that follow the constraints are gathered anew."""
+    system, method, work, islands, mail = (
+        machine.system,
+        machine.method,
+        machine.work,
+        machine.islands,
+        machine.mail,
+    )
+    if whole and not system.constant:
+        code = first_force(machine, work.q, work.moved, work.force)
+        if code != DONE:
+            return code
+    if method.rows == AFFINE:
+        return DONE
+    spot, moving = work.moved, method.rows == MOVING
+    if method.place != 1.0:
+        spot = work.spot
+        for k in range(islands.body_start[group], islands.body_start[group + 1]):
+            for axis in range(system.dimension):
+                dof = islands.bodies[k] * system.dimension + axis
+                spot[dof] = work.q[dof] + method.place * (work.moved[dof] - work.q[dof])
+    begin, end = islands.row_start[group], islands.row_start[group + 1]
+    if begin < end and system.other_unilateral:
+        code = ask(machine, UNILATERAL, spot)
+        if code == DONE and moving:
+            code = ask(machine, UNILATERAL_GRADIENTS, spot)
+            copy(mail.unilateral_gradients, work.gradients)
+        if code != DONE:
+            return code
+    for k in range(begin, end):
+        row = islands.rows[k]
+        work.gaps_moved[row] = value(system.unilateral, row, spot, mail.unilateral)
+        if moving:
+            normal(system.unilateral, row, spot, work.normals)
+    begin, end = islands.held_start[group], islands.held_start[group + 1]
+    if begin < end and system.other_bilateral:
+        code = ask(machine, BILATERAL, spot)
+        if code == DONE and moving:
+            code = ask(machine, BILATERAL_GRADIENTS, spot)
+            copy(mail.bilateral_gradients, work.held_gradients)
+        if code != DONE:
+            return code
+    for k in range(begin, end):
+        row = islands.held[k]
+        work.mismatch[row] = value(system.bilateral, row, spot, mail.bilateral)
+        if moving:
+            normal(system.bilateral, row, spot, work.held_normals)
+    if moving:
+        gather_rows(machine, group)
+    return DONE
+
+
+@kernel
+def evaluate_affine(machine: Machine, group: int, equalities: int, rows: int) -> None:
+    """Values at z of rows that are affine."""
+    method, work, islands, program = machine.method, machine.work, machine.islands, machine.program
+    for k in range(rows):
+        change = method.step_size * program.lengths[k] * along(program, k, program.z)
+        if k < equalities:
+            row = islands.held[islands.held_start[group] + k]
+            work.mismatch[row] = work.held_base[row] + change
+        else:
+            row = islands.rows[islands.row_start[group] + k - equalities]
+            work.gaps_moved[row] = work.base[row] + change
+
+
+@kernel
+def bounds(machine: Machine, group: int, equalities: int, rows: int) -> None:
+    """Right-hand sides of the linearization about the iterate, whose √M u is in z."""
+    method, work, islands, program = machine.method, machine.work, machine.islands, machine.program
+    for k in range(rows):
+        if k < equalities:
+            row = islands.held[islands.held_start[group] + k]
+            gap = work.held_base[row] if method.rows == AFFINE else work.mismatch[row]
+        else:
+            row = islands.rows[islands.row_start[group] + k - equalities]
+            gap = work.base[row] if method.rows == AFFINE else work.gaps_moved[row]
+        program.bounds[k] = -gap / (method.step_size * method.place * program.lengths[k])
+        if method.rows != AFFINE:
+            program.bounds[k] += along(program, k, program.z)
