@@ -33,6 +33,10 @@ class GVI:
     predictor : {"forward", "closed_loop"}
         Where 𝔸 comes from: the unconstrained step (8.1), or the step's own result, repeated until it violates nothing
         that a reflection or a complementarity of this step can prevent.
+    linearized : bool
+        Within a step, replace every constraint by its tangent at the prediction qᵖ, g(y) ≈ g(qᵖ) + ∇g(qᵖ)ᵀ(y − qᵖ),
+        for the comparison of Fig. 8.2d: energy stays bounded, but angular momentum is lost, for a tangent does not
+        turn with the bodies.
 
     Raises
     ------
@@ -44,6 +48,7 @@ class GVI:
     reflection: str = "generalized"
     energy: str = "hamiltonian"
     predictor: str = "forward"
+    linearized: bool = False
 
     def __post_init__(self) -> None:
         for key, allowed in (
@@ -54,6 +59,8 @@ class GVI:
         ):
             if getattr(self, key) not in allowed:
                 raise InputError(f"GVI: {key} {getattr(self, key)!r} is unknown; allowed: {', '.join(allowed)}.")
+        if not isinstance(self.linearized, bool):
+            raise InputError(f"GVI: linearized is {self.linearized!r}; allowed: true or false.")
 
     def stepper(
         self,
@@ -65,6 +72,7 @@ class GVI:
     ) -> "Stepper":
         """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
         from deli.integrators.stepper import Stepper  # numba takes half a second to import
+        from deli.kernels.system import AFFINE, FROZEN
 
         scheme = get_scheme(self.scheme)
         return Stepper(
@@ -74,6 +82,7 @@ class GVI:
             skip,
             contact_tolerance,
             weights=scheme.weights,
+            rows=AFFINE if self.linearized else FROZEN,
             reflects=True,
             operator=self.reflection,
             numerical=scheme if self.energy == "numerical" else None,

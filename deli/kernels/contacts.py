@@ -85,22 +85,22 @@ def copy(matrix: np.ndarray, out: np.ndarray) -> None:
 
 
 @kernel
-def gradients_here(machine: Machine, held: int) -> int:
-    """Gradients at q of what a step can meet: rows are added to this when they are chosen."""
+def gradients_here(machine: Machine, held: int, at: np.ndarray) -> int:
+    """Gradients, at q or its like, of what a step can meet: rows are added to this when they are chosen."""
     system, work, mail = machine.system, machine.work, machine.mail
     if system.other_unilateral:
-        code = ask(machine, UNILATERAL_GRADIENTS, work.q)
+        code = ask(machine, UNILATERAL_GRADIENTS, at)
         if code != DONE:
             return code
         copy(mail.unilateral_gradients, work.gradients)
     if held:
         if system.other_bilateral:
-            code = ask(machine, BILATERAL_GRADIENTS, work.q)
+            code = ask(machine, BILATERAL_GRADIENTS, at)
             if code != DONE:
                 return code
             copy(mail.bilateral_gradients, work.held_gradients)
         for row in range(held):
-            normal(system.bilateral, row, work.q, work.held_normals)
+            normal(system.bilateral, row, at, work.held_normals)
     return DONE
 
 

@@ -56,7 +56,7 @@ def _move(machine: Machine) -> tuple[int, int]:
     system, method, work = machine.system, machine.method, machine.work
     held = system.bilateral.kind.size
     if method.rows != MOVING:
-        code = gradients_here(machine, held)
+        code = gradients_here(machine, held, work.q)
         if code != DONE:
             return code, 0
         count = _select_here(machine)

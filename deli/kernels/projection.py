@@ -2,10 +2,13 @@
 
 from numba import types
 
-from deli.kernels.compiled import unit
+from deli.kernels.compiled import kernel, unit
+from deli.kernels.contacts import copy
+from deli.kernels.forces import ask, gradient
 from deli.kernels.islands import connect
+from deli.kernels.rows import normal
 from deli.kernels.solve import append, solve
-from deli.kernels.system import DONE, MACHINE, PROJECTION, Machine
+from deli.kernels.system import AFFINE, BILATERAL_GRADIENTS, DONE, MACHINE, PROJECTION, UNILATERAL_GRADIENTS, Machine
 from deli.kernels.tally import skip
 
 
@@ -59,3 +62,47 @@ def tangent(machine: Machine, count: int) -> int:
     if tally.counts[0, PROJECTION] == before:
         skip(tally, PROJECTION)
     return DONE
+
+
+@kernel
+def carry(machine: Machine, smooth: int) -> int:
+    """Momentum at x: D₂L_d(q, x) without what the constraints that stay active do not allow."""
+    system, method, work, mail, tally = machine.system, machine.method, machine.work, machine.mail, machine.tally
+    dof, moved, held = system.mass.size, work.moved, system.bilateral.kind.size
+    force, there = work.force, moved
+    if method.rows == AFFINE:
+        there = work.predicted
+    if not method.implicit:
+        code = gradient(machine, moved, work.stress)
+        if code != DONE:
+            return code
+        for k in range(dof):
+            work.stress[k] *= -0.5 * method.step_size
+        force = work.stress
+    for k in range(dof):
+        work.carried[k] = system.mass[k] * work.velocity[k] + force[k]
+    count = 0
+    for k in range(smooth):
+        row = work.smooth[k]
+        opened = work.pressed[row] < work.scaled[row]
+        if not opened and abs(work.scaled[row]) <= method.contact_tolerance:
+            work.pressing[count] = row
+            count += 1
+            normal(system.unilateral, row, there, work.normals_moved)
+    if count and system.other_unilateral:
+        code = ask(machine, UNILATERAL_GRADIENTS, there)
+        if code != DONE:
+            return code
+        copy(mail.unilateral_gradients, work.gradients_moved)
+    if held:
+        if system.other_bilateral:
+            code = ask(machine, BILATERAL_GRADIENTS, there)
+            if code != DONE:
+                return code
+            copy(mail.bilateral_gradients, work.held_gradients_moved)
+        for row in range(held):
+            normal(system.bilateral, row, there, work.held_normals_moved)
+    if method.skip and count == 0 and held == 0:
+        skip(tally, PROJECTION)
+        return DONE
+    return tangent(machine, count)

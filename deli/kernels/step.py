@@ -5,7 +5,6 @@ from numba import types
 from deli.kernels.compiled import kernel, unit
 from deli.kernels.contacts import (
     begin,
-    copy,
     find_gaps,
     finite,
     first_force_here,
@@ -14,23 +13,49 @@ from deli.kernels.contacts import (
     strayed,
     velocity_zeros,
 )
-from deli.kernels.forces import ask, gradient
+from deli.kernels.forces import ask
 from deli.kernels.position import predict, update
-from deli.kernels.projection import tangent
+from deli.kernels.projection import carry
 from deli.kernels.reflection import reflect
-from deli.kernels.rows import normal, rate
+from deli.kernels.rows import normal, rate, value
 from deli.kernels.system import (
-    BILATERAL_GRADIENTS,
+    AFFINE,
+    BILATERAL,
     DONE,
     MACHINE,
     POSITION,
-    PROJECTION,
     REFLECTION,
     REFRESH,
-    UNILATERAL_GRADIENTS,
+    UNILATERAL,
     Machine,
 )
 from deli.kernels.tally import copy_tally, skip
+
+
+@kernel
+def _tangents(machine: Machine, pressing: int) -> int:
+    """Values at q of the tangents, at the prediction, of the rows of a position update."""
+    system, work, mail = machine.system, machine.work, machine.mail
+    at, scaled = work.predicted, work.stress
+    for k in range(at.size):
+        scaled[k] = system.mass[k] * (work.q[k] - at[k])
+    if pressing and system.other_unilateral:
+        code = ask(machine, UNILATERAL, at)
+        if code != DONE:
+            return code
+    for k in range(pressing):
+        row = work.pressing[k]
+        change = rate(system.unilateral, row, work.normals, work.gradients, scaled, system.inverse)
+        work.base[row] = value(system.unilateral, row, at, mail.unilateral) + change
+    held = system.bilateral.kind.size
+    if held and system.other_bilateral:
+        code = ask(machine, BILATERAL, at)
+        if code != DONE:
+            return code
+    for row in range(held):
+        change = rate(system.bilateral, row, work.held_normals, work.held_gradients, scaled, system.inverse)
+        work.held_base[row] = value(system.bilateral, row, at, mail.bilateral) + change
+    return DONE
 
 
 @kernel
@@ -42,6 +67,8 @@ def _attempt(machine: Machine, active: int) -> tuple[int, int]:
     system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
     table, dof = system.unilateral, work.q.size
     rows = table.kind.size
+    linear = method.rows == AFFINE
+    here = work.predicted if linear else work.q
     for k in range(dof):
         work.momentum[k] = work.p[k]
         work.velocity[k] = work.predicted_velocity[k]
@@ -59,7 +86,7 @@ def _attempt(machine: Machine, active: int) -> tuple[int, int]:
             if work.active[row]:
                 work.chosen[count] = row
                 count += 1
-                normal(table, row, work.q, work.normals)
+                normal(table, row, here, work.normals)
         velocity_zeros(machine, work.p, count)
         code = reflect(machine, count)
         if code != DONE:
@@ -86,7 +113,7 @@ def _attempt(machine: Machine, active: int) -> tuple[int, int]:
             if work.touching[row]:
                 work.smooth[smooth] = row
                 smooth += 1
-                normal(table, row, work.q, work.normals)
+                normal(table, row, here, work.normals)
     for row in range(rows):
         work.resting[row] = False
     for k in range(smooth):
@@ -97,6 +124,10 @@ def _attempt(machine: Machine, active: int) -> tuple[int, int]:
         if work.landing[row] and not work.resting[row]:
             work.pressing[pressing] = row
             pressing += 1
+    if linear:
+        code = _tangents(machine, pressing)
+        if code != DONE:
+            return code, smooth
     if method.skip and free and pressing == 0 and system.bilateral.kind.size == 0:
         skip(tally, POSITION)
     else:
@@ -107,48 +138,6 @@ def _attempt(machine: Machine, active: int) -> tuple[int, int]:
         if code != DONE:
             return code, smooth
     return DONE, smooth
-
-
-@kernel
-def _carry(machine: Machine, smooth: int) -> int:
-    """Momentum at x: D₂L_d(q, x) without what the constraints that stay active do not allow."""
-    system, method, work, mail, tally = machine.system, machine.method, machine.work, machine.mail, machine.tally
-    dof, moved, held = system.mass.size, work.moved, system.bilateral.kind.size
-    force = work.force
-    if not method.implicit:
-        code = gradient(machine, moved, work.stress)
-        if code != DONE:
-            return code
-        for k in range(dof):
-            work.stress[k] *= -0.5 * method.step_size
-        force = work.stress
-    for k in range(dof):
-        work.carried[k] = system.mass[k] * work.velocity[k] + force[k]
-    count = 0
-    for k in range(smooth):
-        row = work.smooth[k]
-        opened = work.pressed[row] < work.scaled[row]
-        if not opened and abs(work.gaps_moved[row]) <= method.contact_tolerance * system.gap_scale[row]:
-            work.pressing[count] = row
-            count += 1
-            normal(system.unilateral, row, moved, work.normals_moved)
-    if count and system.other_unilateral:
-        code = ask(machine, UNILATERAL_GRADIENTS, moved)
-        if code != DONE:
-            return code
-        copy(mail.unilateral_gradients, work.gradients_moved)
-    if held:
-        if system.other_bilateral:
-            code = ask(machine, BILATERAL_GRADIENTS, moved)
-            if code != DONE:
-                return code
-            copy(mail.bilateral_gradients, work.held_gradients_moved)
-        for row in range(held):
-            normal(system.bilateral, row, moved, work.held_normals_moved)
-    if method.skip and count == 0 and held == 0:
-        skip(tally, PROJECTION)
-        return DONE
-    return tangent(machine, count)
 
 
 @unit(types.int64, MACHINE, *(types.int64,) * 3)
@@ -182,13 +171,14 @@ def step(machine: Machine, known: int, _one: int, _two: int) -> int:
     if code != DONE:
         return code
     held = system.bilateral.kind.size
+    here = work.predicted if method.rows == AFFINE else work.q
     active = 0
     for row in range(rows):
         crossed = method.reflects and not method.closed_loop and work.gaps_moved[row] <= 0.0
         work.active[row] = method.reflects and (work.touching[row] or crossed)
         active += work.active[row]
     if held or (touching and not method.reflects):
-        code = gradients_here(machine, held)
+        code = gradients_here(machine, held, here)
         if code != DONE:
             return code
     gradients_known = held > 0 or (touching > 0 and not method.reflects)
@@ -197,7 +187,7 @@ def step(machine: Machine, known: int, _one: int, _two: int) -> int:
         copy_tally(tally, machine.kept)
     while True:
         if active and not gradients_known:
-            code = gradients_here(machine, held)
+            code = gradients_here(machine, held, here)
             if code != DONE:
                 return code
             gradients_known = True
@@ -215,7 +205,7 @@ def step(machine: Machine, known: int, _one: int, _two: int) -> int:
         for row in range(rows):
             active += work.active[row]
     tally.contacts[0] = smooth
-    code = _carry(machine, smooth)
+    code = carry(machine, smooth)
     if code != DONE:
         return code
     return finite(work)
@@ -239,7 +229,7 @@ def reflect_touching(machine: Machine) -> int:
             normal(system.unilateral, row, work.q, work.normals)
     if count == 0:
         return DONE
-    code = gradients_here(machine, system.bilateral.kind.size)
+    code = gradients_here(machine, system.bilateral.kind.size, work.q)
     if code != DONE:
         return code
     velocity_zeros(machine, work.p, count)

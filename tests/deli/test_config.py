@@ -1,5 +1,6 @@
 """Configs: what is filled in, what is refused and in which words, what an override does."""
 
+import dataclasses
 import os
 
 import numpy as np
@@ -209,4 +210,6 @@ def test_models_cover_scenes_and_methods():
     for name in deli.scenes.available():
         assert set(deli.scenes.get(name)().parameters) < set(scene_model(deli.scenes.get(name)).model_fields)
     for method in METHODS.values():
-        assert set(method_model(method).model_fields) - {"name"} <= set(CHOICES)
+        words = {field.name for field in dataclasses.fields(method) if isinstance(field.default, str)}
+        assert words <= set(CHOICES)
+        assert set(method_model(method).model_fields) == {"name", *(field.name for field in dataclasses.fields(method))}
