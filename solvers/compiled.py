@@ -84,7 +84,8 @@ class CompiledProblem:
     ----------
     parameters : dict of str to ndarray
         Writable views of the parameter values, in each Parameter's shape. Of a symmetric Parameter the upper
-        triangle is used, of a diagonal or sparse one the declared entries.
+        triangle is used, of a diagonal one the diagonal. The view of a sparse one is a vector of the entries that it
+        declares, row by row.
     backend : str
         The name asked for.
     tolerance : float
@@ -128,8 +129,8 @@ class CompiledProblem:
         Parameters
         ----------
         **parameters
-            Values by Parameter name; one that is not given keeps its last value; at first that is its
-            ``.value``, if it had one when the problem was compiled.
+            Values by Parameter name, in its shape or its view's; one that is not given keeps its last value; at first
+            that is its ``.value``, if it had one when the problem was compiled.
 
         Returns
         -------
@@ -149,9 +150,7 @@ class CompiledProblem:
                 raise ParameterError(f"unknown parameter {name!r}; allowed: {', '.join(views) or 'none'}")
             if type(value) is not np.ndarray:
                 value = value.toarray() if sparse.issparse(value) else np.asarray(value, dtype=float)
-            if value.shape != view.shape:
-                raise ParameterError(f"parameter {name!r} has shape {value.shape}; allowed: {view.shape}")
-            view[...] = value
+            view[...] = value if value.shape == view.shape else self._canonical.to_view(name, value)
         if not self._map.apply():
             self._refuse_not_finite()
         for check in self._checks:
