@@ -8,6 +8,7 @@ import solvers
 from deli.errors import InputError
 
 SUBPROBLEMS = ("reflection", "position", "projection")
+NATIVE = ("native", "auto")  # whose large programs a sparse active-set method of the project's own answers
 
 
 @dataclass(frozen=True)
