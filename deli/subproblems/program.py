@@ -80,7 +80,7 @@ class ProgramSolver:
         self._stats = stats
         self._measured = measured
         self._skip = skip
-        self._large = SparseProjection()
+        self._large = SparseProjection(choice.warm_start)
         self._takes_sparse = solvers.can(choice.backend, "sparse")
         self._patterns: dict[tuple[int, int, bytes, bytes], tuple[solvers.CompiledProblem, np.ndarray]] = {}
         self._compiled: dict[tuple[bool, int, int, int], solvers.CompiledProblem] = {}
@@ -245,6 +245,7 @@ class ProgramSolver:
                 tolerance=choice.tolerance,
                 polish=choice.polish,
                 check_parameters=False,  # kernels have factorized what is declared positive definite
+                warm_start=choice.warm_start and choice.backend not in NATIVE,
                 **choice.options,
             )
 
