@@ -43,7 +43,7 @@ def simulate(
     steps, duration : int, float
         Exactly one of them; `duration` is a multiple of `step_size` to a relative 1e-9.
     solvers : str or mapping
-        A backend, a table ``{backend, tolerance, polish, options}``, or a table of these by subproblem.
+        A backend, a table ``{backend, tolerance, polish, warm_start, options}``, or a table of these by subproblem.
     output : path, optional
         A netCDF file to record to. Rows are in ``<output>.partial`` until the run ends, at most a second of work (ten
         seconds where 256 rows take longer) behind it; then the file gets its own name. Without `output` the run is
@@ -53,8 +53,9 @@ def simulate(
     skip : bool
         Answer subproblems that need no solver without one.
     resume : bool
-        Continue ``<output>.partial`` after its last committed row, to the bit as if it had not stopped. Starts anew
-        where there is no such file, returns the run where it is finished, refuses another configuration.
+        Continue ``<output>.partial`` after its last committed row, to the bit as if it had not stopped; with warm
+        starts to the solvers' tolerance. Starts anew where there is no such file, returns the run where it is finished,
+        refuses another configuration.
     progress : bool
         Show a bar on a terminal.
     contact_tolerance : float

@@ -5,7 +5,7 @@ from solvers.compiled import CompiledProblem, compile
 from solvers.errors import NotInstalledError, ParameterError, SolverError, UnknownBackendError
 from solvers.method import register_solve_method
 from solvers.program import Matrix, QuadraticProgram
-from solvers.registry import BackendInfo, available, backends, members, register, unregister
+from solvers.registry import BackendInfo, able, available, backends, can, members, register, unregister
 from solvers.solution import Solution, Status
 
 PROJECT = "deli"
@@ -24,8 +24,10 @@ __all__ = [
     "SolverError",
     "Status",
     "UnknownBackendError",
+    "able",
     "available",
     "backends",
+    "can",
     "compile",
     "members",
     "register",

@@ -1,13 +1,12 @@
-"""From a cvxpy problem to standard form: the only file that touches cvxpy's internals.
+"""From a cvxpy problem to standard form: with `solvers.leaves` the only file that touches cvxpy's internals.
 
 cvxpy's parametrized program holds tensors whose product with its parameter vector gives P, q, A, b. They are
 composed here with the map from the problem's own Parameters to that vector. The fields read are private to
 cvxpy, therefore the result is compared with cvxpy's own ``apply_parameters`` whenever a problem is compiled.
 """
 
+import math
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,13 +14,13 @@ import cvxpy as cp
 import numpy as np
 from cvxpy.error import DPPError
 from cvxpy.error import SolverError as CvxpySolverError
-from cvxpy.reductions.cvx_attr2constr import CvxAttr2Constr, lower_value
+from cvxpy.reductions.cvx_attr2constr import CvxAttr2Constr
 from cvxpy.reductions.solution import Solution as CvxpySolution
 from scipy import sparse
 
 from solvers.affine import AffineMap, Tensors
-from solvers.errors import SolverError
-from solvers.solution import Solution, Status
+from solvers.errors import ParameterError, SolverError
+from solvers.leaves import assign, declared_entries, kept_values, lowered_view, value_of, view_shape
 
 SYMMETRIC = ("PSD", "NSD", "symmetric")
 UNSUPPORTED = ("hermitian", "complex", "imag", "boolean", "integer", "bounds")
@@ -38,7 +37,7 @@ class Canonical:
     map : AffineMap
         From theta, all parameter values flattened in Fortran order and then a one, to the program.
     views : dict of str to ndarray
-        Writable views of theta, by Parameter name, in the Parameter's shape.
+        Writable views of theta, by Parameter name, in the Parameter's shape; of a sparse one its declared entries.
     primal : list of (str, slice, tuple or None)
         Name of each Variable, its place in x and the shape to give it (None: already right).
     dual : list of (slice, tuple or None)
@@ -50,6 +49,19 @@ class Canonical:
     views: dict[str, np.ndarray]
     primal: list[tuple[str, Any, tuple[int, ...] | None]]
     dual: list[tuple[Any, tuple[int, ...] | None]]
+
+    def to_view(self, name: str, value: np.ndarray) -> np.ndarray:
+        """Turn the value of a sparse Parameter into what its view holds.
+
+        Raises
+        ------
+        ParameterError
+            If the Parameter is not sparse or of another shape, or does not declare all entries that are not zero.
+        """
+        (parameter,) = (parameter for parameter in self.problem.parameters() if parameter.name() == name)
+        if not parameter.attributes["sparsity"] or value.shape != parameter.shape:
+            raise ParameterError(f"parameter {name!r} has shape {value.shape}; allowed: {parameter.shape}")
+        return declared_entries(parameter, value)
 
 
 def canonicalize(problem: cp.Problem) -> Canonical:
@@ -72,7 +84,7 @@ def canonicalize(problem: cp.Problem) -> Canonical:
         # cvxpy reads its own sparse Parameters in the way it warns about
         warnings.filterwarnings("ignore", message=".*sparse CVXPY expression", category=RuntimeWarning)
         for parameter in problem.parameters():
-            parameter.save_value(np.ones(parameter.shape))
+            assign(parameter, np.ones(view_shape(parameter)))
         try:
             data, chain, inverse = own.get_problem_data("OSQP", canon_backend="COO", enforce_dpp=True)
         except (DPPError, CvxpySolverError, cp.DCPError) as error:
@@ -98,45 +110,6 @@ def canonicalize(problem: cp.Problem) -> Canonical:
     return Canonical(problem, affine, views, *answers)
 
 
-@contextmanager
-def kept_values(problem: cp.Problem) -> Iterator[None]:
-    """Put back, on leaving, the values of a problem's Parameters, Variables and multipliers."""
-    leaves = [*problem.parameters(), *problem.variables()]
-    leaves += [variable for constraint in problem.constraints for variable in constraint.dual_variables]
-    saved = [(leaf, leaf._value) for leaf in leaves]
-    try:
-        yield
-    finally:
-        for leaf, value in saved:
-            leaf._value = value
-
-
-def value_of(parameter: cp.Parameter) -> np.ndarray | None:
-    """Return a Parameter's value as a dense array, None if it has none."""
-    if parameter.attributes["sparsity"]:  # cvxpy warns when such a value is read the usual way
-        entries = parameter.value_sparse if parameter._value is not None else None
-        return None if entries is None else np.asarray(entries.toarray())
-    return None if parameter.value is None else np.asarray(parameter.value)
-
-
-def write_back(problem: cp.Problem, solution: Solution) -> None:
-    """Write a solution into a problem's Variables, multipliers, status and value, as ``problem.solve`` does."""
-    sense = -1.0 if isinstance(problem.objective, cp.Maximize) else 1.0
-    status, value = {
-        Status.SOLVED: (cp.OPTIMAL, 0.0),
-        Status.INACCURATE: (cp.OPTIMAL_INACCURATE, 0.0),
-        Status.INFEASIBLE: (cp.INFEASIBLE, sense * np.inf),
-        Status.UNBOUNDED: (cp.UNBOUNDED, -sense * np.inf),
-    }.get(solution.status, (cp.SOLVER_ERROR, np.nan))
-    if status == cp.SOLVER_ERROR:
-        message = f"the backend {solution.backend} ended with {solution.status} ({solution.message})"
-        raise CvxpySolverError(f"{message}: try another backend")
-    primal = {variable.id: solution.primal[variable.name()] for variable in problem.variables()}
-    found = zip(problem.constraints, solution.dual, strict=True)
-    dual = {constraint.id: multiplier for constraint, multiplier in found} if not np.isinf(value) else {}
-    problem.unpack(CvxpySolution(status, value, primal, dual, {}))
-
-
 def _refuse_duplicates(kind: str, leaves: list[Any]) -> None:
     names = [leaf.name() for leaf in leaves]
     for name in names:
@@ -156,7 +129,7 @@ def _lay_out_parameters(
     for reduction in chain.reductions:
         if isinstance(reduction, CvxAttr2Constr):
             replaced.update({original: new for original, (new,) in reduction.param_id_map.items()})
-    size = sum(parameter.size for parameter in problem.parameters())
+    size = sum(math.prod(view_shape(parameter)) for parameter in problem.parameters())
     theta = np.zeros(size + 1)
     theta[-1] = 1.0
     views: dict[str, np.ndarray] = {}
@@ -164,10 +137,11 @@ def _lay_out_parameters(
     rows, columns = [np.array([parametrized.total_param_size])], [np.array([size])]
     start = 0
     for parameter in problem.parameters():
-        stop = start + parameter.size
-        views[parameter.name()] = theta[start:stop].reshape(parameter.shape, order="F")
-        places = np.arange(start, stop).reshape(parameter.shape, order="F")
-        kept = np.asarray(lower_value(parameter, places) if parameter.id in replaced else places).ravel(order="F")
+        shape = view_shape(parameter)
+        stop = start + math.prod(shape)
+        views[parameter.name()] = theta[start:stop].reshape(shape, order="F")
+        places = np.arange(start, stop).reshape(shape, order="F")
+        kept = lowered_view(parameter, places).ravel(order="F")
         identifier = replaced.get(parameter.id, parameter.id)
         lowered[identifier] = parameter
         column = parametrized.param_id_to_col.get(identifier)
@@ -176,8 +150,8 @@ def _lay_out_parameters(
             columns.append(kept)
         start = stop
     row, column = np.concatenate(rows), np.concatenate(columns)
-    shape = (parametrized.total_param_size + 1, size + 1)
-    return theta, views, sparse.csr_array((np.ones(row.size), (row, column)), shape=shape), lowered
+    chosen = sparse.csr_array((np.ones(row.size), (row, column)), shape=(parametrized.total_param_size + 1, size + 1))
+    return theta, views, chosen, lowered
 
 
 def check_against_cvxpy(
@@ -188,25 +162,33 @@ def check_against_cvxpy(
     values = {}
     for identifier, parameter in lowered.items():
         view = views[parameter.name()]
-        value = random.uniform(0.5, 1.5, parameter.shape)
+        value = random.uniform(0.5, 1.5, view.shape)
         view[...] = value + value.T if any(parameter.attributes[name] for name in SYMMETRIC) else value
-        values[identifier] = lower_value(parameter, view) if parameter._has_dim_reducing_attr else view
+        values[identifier] = lowered_view(parameter, view)
     affine.apply()
     P, q, _, A, b = parametrized.apply_parameters(values, quad_obj=True)
     program = affine.program
     sign = np.where(np.arange(program.rows) < program.equalities, 1.0, -1.0)
+    P, A = sparse.csc_array(P), sparse.csc_array(A)
+    A.data = A.data * sign[A.indices]
     for name, mine, theirs in (
-        ("P", program.quadratic.to_dense(), P.toarray()),
-        ("transpose of P", program.quadratic.to_dense().T, P.toarray()),
+        ("P", program.quadratic.to_sparse(), P),
+        ("transpose of P", program.quadratic.to_sparse().T, P),
         ("q", program.linear, q),
-        ("A", program.matrix.to_dense(), sign[:, None] * A.toarray()),
+        ("A", program.matrix.to_sparse(), A),
         ("u", program.upper, -sign * b if program.rows else np.zeros(0)),
     ):
-        if not np.allclose(mine, theirs, rtol=1e-12, atol=1e-12 * (1.0 + np.abs(theirs).max(initial=0.0))):
+        apart = _largest(mine - theirs)
+        if not apart <= 1e-12 * (1.0 + _largest(theirs)):
             raise SolverError(
                 f"cvxpy {cp.__version__} lays out {name} differently from what solvers/canonical.py knows "
-                f"(largest difference {np.abs(mine - theirs).max():.1e}): install the cvxpy version deli pins"
+                f"(largest difference {apart:.1e}): install the cvxpy version deli pins"
             )
+
+
+def _largest(numbers: Any) -> float:
+    entries = sparse.csc_array(numbers).data if sparse.issparse(numbers) else numbers
+    return float(np.abs(entries).max(initial=0.0))
 
 
 def _probe_answers(

@@ -32,6 +32,7 @@ def compile(
     tolerance: float = 1e-9,
     polish: bool = False,
     check_parameters: bool = True,
+    warm_start: bool = False,
     **options: Any,
 ) -> "CompiledProblem":
     """Canonicalize a cvxpy problem once, for many solves with changing Parameters.
@@ -49,6 +50,9 @@ def compile(
     check_parameters : bool
         Check at every solve that values are what their Parameters declare (positive semidefinite, nonnegative, ...).
         Without, that is the caller's business.
+    warm_start : bool
+        Begin each solve at the answer of the one before, if that was solved. Answers then depend on it, within the
+        tolerance; without, they are functions of the parameter values alone, bit for bit.
     **options
         The backend's own settings, by its own names. For a chain, one mapping per member, by its name.
 
@@ -64,6 +68,8 @@ def compile(
     if not 0.0 < tolerance < 1.0:
         raise SolverError(f"tolerance is {tolerance!r}; allowed: a number between 0 and 1, such as 1e-9")
     members = registry.members(backend)
+    if warm_start and not registry.can(backend, "warm_starts"):
+        raise SolverError(f"{backend} has no warm start; allowed with it: {', '.join(registry.able('warm_starts'))}")
     if backend in registry.CHAINS:
         for name in options:
             if name not in members:
@@ -74,7 +80,7 @@ def compile(
     from solvers.canonical import canonicalize  # cvxpy takes a second to import
 
     with CVXPY:
-        return CompiledProblem(canonicalize(problem), backend, tolerance, polish, check_parameters, table)
+        return CompiledProblem(canonicalize(problem), backend, tolerance, polish, check_parameters, warm_start, table)
 
 
 class CompiledProblem:
@@ -84,7 +90,8 @@ class CompiledProblem:
     ----------
     parameters : dict of str to ndarray
         Writable views of the parameter values, in each Parameter's shape. Of a symmetric Parameter the upper
-        triangle is used, of a diagonal or sparse one the declared entries.
+        triangle is used, of a diagonal one the diagonal. The view of a sparse one is a vector of the entries that it
+        declares, row by row.
     backend : str
         The name asked for.
     tolerance : float
@@ -92,8 +99,8 @@ class CompiledProblem:
     """
 
     __slots__ = (
-        "_canonical", "_checks", "_dual", "_map", "_members", "_options", "_polish", "_primal", "_residuals",
-        "_solvers", "backend", "parameters", "program", "tolerance",
+        "_canonical", "_checks", "_dual", "_last", "_map", "_members", "_options", "_polish", "_primal", "_residuals",
+        "_solvers", "_warm_start", "backend", "parameters", "program", "tolerance",
     )  # fmt: skip
 
     def __init__(
@@ -103,6 +110,7 @@ class CompiledProblem:
         tolerance: float,
         polish: bool,
         check_parameters: bool,
+        warm_start: bool,
         options: Mapping[str, Mapping[str, Any]],
     ) -> None:
         self.parameters = canonical.views
@@ -119,6 +127,8 @@ class CompiledProblem:
         if polish:
             from solvers.polish import Polish  # scipy.optimize takes long to import, and listing needs no polish
         self._polish = Polish(self.program) if polish else None
+        self._warm_start = warm_start
+        self._last: tuple[np.ndarray, np.ndarray] | None = None
         self._solvers: list[Backend] = []
         self._attach(0)
 
@@ -128,13 +138,13 @@ class CompiledProblem:
         Parameters
         ----------
         **parameters
-            Values by Parameter name; one that is not given keeps its last value; at first that is its
-            ``.value``, if it had one when the problem was compiled.
+            Values by Parameter name, in its shape or its view's; one that is not given keeps its last value; at first
+            that is its ``.value``, if it had one when the problem was compiled.
 
         Returns
         -------
         Solution
-            A function of the parameter values alone, bit for bit.
+            A function of the parameter values alone, bit for bit, unless compiled with ``warm_start=True``.
 
         Raises
         ------
@@ -149,9 +159,7 @@ class CompiledProblem:
                 raise ParameterError(f"unknown parameter {name!r}; allowed: {', '.join(views) or 'none'}")
             if type(value) is not np.ndarray:
                 value = value.toarray() if sparse.issparse(value) else np.asarray(value, dtype=float)
-            if value.shape != view.shape:
-                raise ParameterError(f"parameter {name!r} has shape {value.shape}; allowed: {view.shape}")
-            view[...] = value
+            view[...] = value if value.shape == view.shape else self._canonical.to_view(name, value)
         if not self._map.apply():
             self._refuse_not_finite()
         for check in self._checks:
@@ -161,6 +169,8 @@ class CompiledProblem:
             before = perf_counter()
             solver = self._solvers[member] if member < len(self._solvers) else self._attach(member)
             solver.update()
+            if self._last is not None:
+                solver.begin(*self._last)
             ready = perf_counter()
             answer = solver.solve()
             after = perf_counter()
@@ -169,6 +179,8 @@ class CompiledProblem:
             status, answer, polished = self._judge(answer)
             if status is SOLVED:
                 break
+        if self._warm_start:
+            self._last = (answer.x.copy(), answer.y.copy()) if status is SOLVED else None
         return self._report(answer, status, polished, member, start, setup_time, solve_time)
 
     def _judge(self, answer: Answer) -> tuple[Status, Answer, bool]:

@@ -36,11 +36,7 @@ def checks(parameters: "list[cvxpy.Parameter]", views: dict[str, np.ndarray]) ->
         if attributes["NSD"]:
             found.append(_semidefinite(name, view, -1.0))
         if attributes["diag"]:
-            found.append(_pattern(name, view, np.eye(len(view), dtype=bool)))
-        if attributes["sparsity"]:
-            inside = np.zeros(view.shape, dtype=bool)
-            inside[parameter.sparse_idx] = True
-            found.append(_pattern(name, view, inside))
+            found.append(_diagonal(name, view))
     return tuple(found)
 
 
@@ -79,9 +75,11 @@ def _semidefinite(name: str, view: np.ndarray, sign: float) -> Check:
     return check
 
 
-def _pattern(name: str, view: np.ndarray, inside: np.ndarray) -> Check:
+def _diagonal(name: str, view: np.ndarray) -> Check:
+    outside = ~np.eye(len(view), dtype=bool)
+
     def check() -> None:
-        if np.any(view[~inside]):
+        if np.any(view[outside]):
             raise ParameterError(f"parameter {name!r} has entries outside the pattern it declares")
 
     return check

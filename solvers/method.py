@@ -21,7 +21,7 @@ def register_solve_method(name: str = "compiled") -> None:
 
 
 def _solve(problem: Any, **keywords: Any) -> float:
-    from solvers.canonical import value_of, write_back
+    from solvers.leaves import value_of, write_back
 
     known = _compiled.setdefault(problem, {})
     key = repr(sorted(keywords.items()))

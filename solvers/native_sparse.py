@@ -20,9 +20,17 @@ NOISE = 1e-12  # size of a multiplier or violation, relative to the largest term
 
 
 class SparseProjection:
-    """Projects points, keeping the last factorization for the next point with the same active rows."""
+    """Projects points, keeping the last factorization for the next point with the same active rows.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    warm_start : bool
+        Guess at first the rows that were active at the last point, where there are as many rows, instead of all.
+    """
+
+    def __init__(self, warm_start: bool = False) -> None:
+        self._warm_start = warm_start
+        self._last = np.zeros(0, dtype=bool)
         self._known: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
         self._factor: SuperLU | None = None
 
@@ -31,8 +39,9 @@ class SparseProjection:
     ) -> tuple[np.ndarray, np.ndarray, int, int]:
         """Project `wish`.
 
-        With W the rows guessed active, first all of them, ``R_W R_W' y = bounds - R_W wish`` gives z = wish + R_W'y;
-        then rows with negative multipliers leave W and rows that are violated enter it, until neither is left.
+        With W the rows guessed active, first all of them or the last ones, ``R_W R_W' y = bounds - R_W wish`` gives
+        z = wish + R_W'y; then rows with negative multipliers leave W and rows that are violated enter it, until neither
+        is left.
 
         Returns
         -------
@@ -42,8 +51,18 @@ class SparseProjection:
         status : int
             0 solved, 1 the active set did not settle.
         """
+        every = np.ones(bounds.size, dtype=bool)
+        first = self._last | (np.arange(bounds.size) < equalities) if self._last.size == bounds.size else every
+        z, y, tried, status = self._settle(rows, bounds, equalities, wish, first)
+        if status == UNSETTLED and not first.all():
+            z, y, iterations, status = self._settle(rows, bounds, equalities, wish, every)
+            tried += iterations
+        return z, y, tried, status
+
+    def _settle(
+        self, rows: sparse.csr_array, bounds: np.ndarray, equalities: int, wish: np.ndarray, active: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, int, int]:
         equal = np.arange(bounds.size) < equalities
-        active = np.ones(bounds.size, dtype=bool)
         seen: set[bytes] = set()
         y = np.zeros(bounds.size)
         for iteration in range(1, ROUNDS + 1):
@@ -56,6 +75,8 @@ class SparseProjection:
             violated = ~active & (slack < -NOISE * size)
             if not pulling.any() and not violated.any():
                 y[~equal] = np.maximum(y[~equal], 0.0)
+                if self._warm_start:
+                    self._last = active
                 return z, y, iteration, SOLVED
             # Of rows that depend on each other a few that pull are to leave; without all of them others give way.
             pulling &= y <= SHARE * y.min(initial=0.0, where=~equal)

@@ -7,11 +7,12 @@ from scipy.linalg import cho_factor, lstsq
 from scipy.linalg.blas import dtrsm
 from scipy.optimize import nnls
 
+from solvers.polish_sparse import ROUNDOFF, SparseSystem
 from solvers.program import QuadraticProgram
 from solvers.residuals import Residuals
 
+FILLED = 0.1  # share of the entries of P and A from which on they are taken for dense
 ROUNDS = 10  # corrections of the guess; a solver's answer needs one or two
-ROUNDOFF = 1e-13  # relative size below which a multiplier or slack of the wrong sign is taken for zero
 
 
 class Polish:
@@ -29,7 +30,10 @@ class Polish:
     products of multiplier and slack that one sees the error of the square root of the tolerance that
     interior-point methods leave where both vanish.
 
-    The linear algebra is dense: its time grows with the cube of variables and active rows.
+    The linear algebra is dense, and its time grows with the cube of variables and active rows, unless the patterns of
+    P and A leave most entries out. Then the point and the multipliers nearest to the answer's that solve the same
+    system are found through a sparse factorization of it, shifted, in which refinement takes the shift out; nearest,
+    multipliers of dependent rows stay nonnegative where the solver's are well inside.
     """
 
     def __init__(self, program: QuadraticProgram) -> None:
@@ -38,7 +42,9 @@ class Polish:
     def improve(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """Return a better (x, y), or None if none was found."""
         program = self.program
-        system = _System(program)
+        entries = program.quadratic.indices.size + program.matrix.indices.size
+        filled = entries > FILLED * program.variables * (program.variables + program.rows)
+        system = _System(program) if filled or program.matrix.dense is not None else SparseSystem(program)
         best, lowest = None, system.natural_residual(x, y)
         equal = np.arange(program.rows) < program.equalities
         active = equal | (y > program.upper - system.A @ x)
@@ -46,7 +52,7 @@ class Polish:
         for _ in range(ROUNDS):
             tried.add(active.tobytes())
             try:
-                point, multipliers = system.solve(active, x)
+                point, multipliers = system.solve(active, x, y)
             except np.linalg.LinAlgError:  # a decomposition did not converge: what was found so far stands
                 break
             residual = system.natural_residual(point, multipliers)
@@ -87,7 +93,7 @@ class _System:
         self.residuals.compute(x, y)
         return self.residuals.natural
 
-    def solve(self, active: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def solve(self, active: np.ndarray, near: np.ndarray, _: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Solve the equality-constrained program; the point nearest to `near` if there are several."""
         rows, target = self.A[active], self.u[active]
         if self.factor is None:

@@ -119,6 +119,16 @@ def _require(name: str) -> None:
         raise NotInstalledError(f"the backend {name!r} needs the package {package!r}: {INSTALL}")
 
 
+def can(backend: str, what: str) -> bool:
+    """Say whether a backend, or every member of a chain, has one of the abilities of `solvers.Backend`, by name."""
+    return all(not name.startswith(REFERENCE) and getattr(factory(name), what, False) for name in members(backend))
+
+
+def able(what: str) -> list[str]:
+    """List the installed backends with an ability, importing all adapters."""
+    return [name for name in available() if can(name, what)]
+
+
 def factory(name: str) -> Factory:
     """Return the factory of a single backend, importing its adapter now."""
     _require(name)

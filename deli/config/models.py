@@ -41,6 +41,7 @@ class SolverTable(Table):
     backend: Annotated[str, BeforeValidator(_backend)] = "auto"
     tolerance: float = Field(default=1e-9, gt=0, lt=1)
     polish: bool = True
+    warm_start: bool = False
     options: dict[str, Any] = {}
 
 

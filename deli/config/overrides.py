@@ -9,7 +9,7 @@ from deli.errors import InputError
 
 BARE_STRING = re.compile(r"[A-Za-z_./~][\w./:~-]*")
 SHORT_FORMS = {"scene": "name", "method": "name", "solvers": "default"}
-CHOICE_KEYS = {"backend", "tolerance", "polish", "options"}
+CHOICE_KEYS = {"backend", "tolerance", "polish", "warm_start", "options"}
 EXCLUSIVE = {"steps": "duration", "duration": "steps"}
 
 

@@ -28,7 +28,8 @@ _SEARCHES = 16  # times that neighbours are searched, ever farther, before a ste
 class Stepper:
     """Advances one scene by a method.
 
-    A step is a function of (q, p) alone: nothing is warm-started, so a run can be continued from any recorded state.
+    A step is a function of (q, p) alone: nothing is warm-started unless a choice of solver asks for it, so a run can be
+    continued from any recorded state.
 
     Parameters
     ----------

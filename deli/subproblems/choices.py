@@ -8,6 +8,7 @@ import solvers
 from deli.errors import InputError
 
 SUBPROBLEMS = ("reflection", "position", "projection")
+NATIVE = ("native", "auto")  # whose large programs a sparse active-set method of the project's own answers
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,11 @@ class SolverChoice:
         Scaled KKT residual that counts as solved; it means the same for every backend.
     polish : bool
         Solve the active set that the answer points at once more, exactly, and keep that if its residual is smaller.
+    warm_start : bool
+        Begin each solve at the last answer to a program of the same shape; refused for a backend that cannot.
+        ``"auto"`` and ``"native"`` begin large programs with the last active set, and small ones anew. A step is then
+        no longer a function of (q, p) alone: a run that is resumed, or repeated by another stepper, agrees only to the
+        tolerance.
     options : mapping
         Settings in the backend's own words.
     """
@@ -29,6 +35,7 @@ class SolverChoice:
     backend: str = "auto"
     tolerance: float = 1e-9
     polish: bool = True
+    warm_start: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -37,8 +44,10 @@ class SolverChoice:
         tolerance = self.tolerance
         if isinstance(tolerance, bool) or not isinstance(tolerance, (int, float)) or not 0 < tolerance < 1:
             raise InputError(f"solvers: tolerance of {self.backend!r} is {tolerance!r}; allowed: 0 < tolerance < 1.")
-        if not isinstance(self.polish, bool):
-            raise InputError(f"solvers: polish of {self.backend!r} is {self.polish!r}; allowed: true or false.")
+        for name in ("polish", "warm_start"):
+            value = getattr(self, name)
+            if not isinstance(value, bool):
+                raise InputError(f"solvers: {name} of {self.backend!r} is {value!r}; allowed: true or false.")
         if not isinstance(self.options, Mapping):
             raise InputError(f"solvers: options of {self.backend!r} are {self.options!r}; allowed: a table.")
 
@@ -49,14 +58,15 @@ def parse_choices(choice: object) -> dict[str, SolverChoice]:
     Parameters
     ----------
     choice : str, SolverChoice or mapping
-        A name; a table ``{backend, tolerance, polish, options}``; or a table of these by subproblem
+        A name; a table ``{backend, tolerance, polish, warm_start, options}``; or a table of these by subproblem
         (``reflection``, ``position``, ``projection``) with ``default`` for the ones left out. What a subproblem's
         table leaves out is the default's, except for options, which belong to one backend.
 
     Raises
     ------
     InputError
-        For unknown keys, a value out of range, or a backend that is unknown or not installed.
+        For unknown keys, a value out of range, a backend that is unknown, not installed, or has no warm start that
+        was asked for.
     """
     by_subproblem = isinstance(choice, Mapping) and not _FIELDS.intersection(choice)
     table = dict(choice) if by_subproblem and isinstance(choice, Mapping) else {"default": choice}
@@ -68,12 +78,12 @@ def parse_choices(choice: object) -> dict[str, SolverChoice]:
         )
     default = _parse_one(table.get("default", "auto"), SolverChoice())
     choices = {name: _parse_one(table.get(name, default), default) for name in SUBPROBLEMS}
-    for backend in {choice.backend for choice in choices.values()}:
-        _require(backend)
+    for one in choices.values():
+        _require(one)
     return choices
 
 
-_FIELDS = {"backend", "tolerance", "polish", "options"}
+_FIELDS = {"backend", "tolerance", "polish", "warm_start", "options"}
 
 
 def _parse_one(choice: object, default: SolverChoice) -> SolverChoice:
@@ -91,8 +101,13 @@ def _parse_one(choice: object, default: SolverChoice) -> SolverChoice:
     )
 
 
-def _require(backend: str) -> None:
+def _require(choice: SolverChoice) -> None:
     try:
-        solvers.members(backend)
+        solvers.members(choice.backend)
     except solvers.SolverError as error:
         raise InputError(f"solvers: {error}") from error
+    if choice.warm_start and choice.backend not in NATIVE and not solvers.can(choice.backend, "warm_starts"):
+        raise InputError(
+            f"solvers: warm_start is true, and {choice.backend!r} cannot begin at an earlier answer; "
+            f"allowed with it: {', '.join((*NATIVE, *solvers.able('warm_starts')))}."
+        )

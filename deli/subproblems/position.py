@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from deli.subproblems.rows import DENSE, Patterns, constant_metric, matrix
+
 if TYPE_CHECKING:
     import cvxpy as cp
 
 
-def model(mass: np.ndarray, rows: int, bilateral_rows: int) -> "cp.Problem":
+def model(mass: np.ndarray, rows: int, bilateral_rows: int, patterns: Patterns = DENSE) -> "cp.Problem":
     """One linearization of the position update about x_j, with the gradients frozen at q where the forces act.
 
     ``minimize ½vᵀA v − ŵᵀv  subject to  N_𝕊(q)ᵀv ≥ b (λ),  F(q)ᵀv = c (ν)``,  then x_{j+1} = q + h v, with::
@@ -21,28 +23,30 @@ def model(mass: np.ndarray, rows: int, bilateral_rows: int) -> "cp.Problem":
 
     Where x_{j+1} = x_j the linearization is exact: (x, λ, ν) solves the asymmetric system (7.3, 7.4, 7.8) itself.
     """
-    return _linearization(mass, rows, bilateral_rows, newton=False)
+    return _linearization(mass, rows, bilateral_rows, patterns)
 
 
-def newton_model(mass: np.ndarray, rows: int, bilateral_rows: int) -> "cp.Problem":
+def newton_model(mass: np.ndarray, rows: int, bilateral_rows: int, patterns: Patterns = DENSE) -> "cp.Problem":
     """`model` with the Newton metric A as a parameter."""
-    return _linearization(mass, rows, bilateral_rows, newton=True)
+    return _linearization(mass, rows, bilateral_rows, patterns, newton=True)
 
 
-def _linearization(mass: np.ndarray, rows: int, bilateral_rows: int, newton: bool) -> "cp.Problem":
+def _linearization(
+    mass: np.ndarray, rows: int, bilateral_rows: int, patterns: Patterns, newton: bool = False
+) -> "cp.Problem":
     import cvxpy as cp
 
     dof = len(mass)
     velocity = cp.Variable(dof, name="velocity")
     linear = cp.Parameter(dof, name="linear")  # −ŵ
-    metric = cp.Parameter((dof, dof), PSD=True, name="metric") if newton else np.diag(mass)
+    metric = cp.Parameter((dof, dof), PSD=True, name="metric") if newton else constant_metric(mass)
     constraints = []
     if rows:
-        gradients = cp.Parameter((rows, dof), name="gradients")
+        gradients = matrix("gradients", rows, dof, patterns[0])
         bounds = cp.Parameter(rows, name="bounds")
         constraints.append(gradients @ velocity >= bounds)
     if bilateral_rows:
-        bilateral = cp.Parameter((bilateral_rows, dof), name="bilateral")
+        bilateral = matrix("bilateral", bilateral_rows, dof, patterns[1])
         targets = cp.Parameter(bilateral_rows, name="targets")
         constraints.append(bilateral @ velocity == targets)
     return cp.Problem(cp.Minimize(0.5 * cp.quad_form(velocity, metric) + linear @ velocity), constraints)

@@ -12,7 +12,8 @@ from deli.errors import InputError, StepError
 from deli.kernels.record import Record
 from deli.kernels.solve import export
 from deli.kernels.system import EXPORT, PROGRAM, Export, Program
-from deli.subproblems.choices import SUBPROBLEMS, SolverChoice
+from deli.subproblems.choices import NATIVE, SUBPROBLEMS, SolverChoice
+from deli.subproblems.rows import DENSE, Patterns, find_patterns
 from deli.subproblems.stats import StepStats
 from solvers import native
 from solvers.native_sparse import SparseProjection
@@ -21,11 +22,11 @@ from solvers.threads import CVXPY
 if TYPE_CHECKING:
     import cvxpy as cp
 
-    Model = Callable[[np.ndarray, int, int], cp.Problem]
+    Model = Callable[[np.ndarray, int, int, Patterns], cp.Problem]
 
 LARGEST_DENSE = 150  # rows beyond which a sparse solve is faster than a dense one
-NATIVE = ("native", "auto")
 MOST_ENTRIES = 4_000_000
+PATTERNS = 4  # compiled for sparse matrices and kept
 _ACCEPTED = 1e3  # an answer whose residual exceeds this many tolerances stops the run
 _SIZES = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 
@@ -40,12 +41,17 @@ class ProgramSolver:
     depend on each other solvers see an independent set. Problems are compiled once for each number of variables and
     equalities and each padded number of inequality rows.
 
+    Large programs are handed over sparse, where the backend takes them so. Then all equality rows are: solvers that
+    factorize sparse matrices shift or perturb singular ones, and residuals tell whether that went well. Problems are
+    compiled for a pattern of entries, and the last few are kept.
+
     Parameters
     ----------
     subproblem : int
         Index into `SUBPROBLEMS`.
     model, newton_model : callable
-        ``model(mass, rows, bilateral_rows)`` returns the `cvxpy.Problem`; the second has the metric as a parameter.
+        ``model(mass, rows, bilateral_rows, patterns)`` returns the `cvxpy.Problem`, `deli.subproblems.rows.Patterns`
+        being optional; the second has the metric as a parameter.
     program : Program
         Where kernels leave the data and find the answer.
     choice : SolverChoice
@@ -74,7 +80,9 @@ class ProgramSolver:
         self._stats = stats
         self._measured = measured
         self._skip = skip
-        self._large = SparseProjection()
+        self._large = SparseProjection(choice.warm_start)
+        self._takes_sparse = solvers.can(choice.backend, "sparse")
+        self._patterns: dict[tuple[int, int, bytes, bytes], tuple[solvers.CompiledProblem, np.ndarray]] = {}
         self._compiled: dict[tuple[bool, int, int, int], solvers.CompiledProblem] = {}
         self._exports: dict[tuple[int, int], Record] = {}
         self.backends: set[str] = set()
@@ -94,22 +102,45 @@ class ProgramSolver:
         StepError
             When no answer within a thousand tolerances was found.
         """
-        program = self.program
-        if rows > LARGEST_DENSE and not newton and self._sparse(size, equalities, rows):
+        program, free = self.program, rows - equalities
+        large = rows > LARGEST_DENSE and not newton
+        if large and self._natively(size, equalities, rows):
             return
+        if large and self._takes_sparse:
+            compiled, kept = self._hand_over_sparse(size, equalities, rows), np.arange(equalities)
+        else:
+            compiled, kept = self._hand_over(size, equalities, rows, newton)
+        np.negative(program.wish[:size], out=compiled.parameters["linear"])
+        solution = compiled.solve()
+        self._account(solution, rows)
+        program.z[:size] = solution.primal["velocity"]
+        duals = iter(solution.dual)
+        if free:
+            program.y[equalities:rows] = next(duals)[:free]
+        program.y[:equalities] = 0.0
+        if kept.size:
+            # cvxpy's multiplier of an equality has the opposite sign.
+            program.y[kept] = -next(duals)
+
+    def _hand_over(
+        self, size: int, equalities: int, rows: int, newton: bool
+    ) -> "tuple[solvers.CompiledProblem, np.ndarray]":
+        """Write the data of the dense model, without `linear`; also return which equality rows it has."""
+        program = self.program
         if rows * size > MOST_ENTRIES:
             raise StepError(
                 f"{SUBPROBLEMS[self._subproblem]}: {rows} constraints on {size} degrees of freedom press at once, too "
-                f"many for {self._choice.backend!r} (at most {MOST_ENTRIES:,} entries of the dense matrix); use "
-                f"solvers='auto', whose sparse solver did not settle here or was not asked, or a smaller step_size."
+                f"many for {self._choice.backend!r} (at most {MOST_ENTRIES:,} entries of the dense matrix); use a "
+                f"smaller step_size, or a backend that takes it sparse, which none does where an implicit potential "
+                f"makes the metric: {', '.join(solvers.able('sparse'))}."
             )
         exported = self._exported(rows, size)
-        dense, kept = exported.fields
+        dense, places = exported.fields
         independent = export.call(self._record.address, exported.address, equalities, rows, size)
         free = rows - equalities
         compiled = self._compile(newton, size, free, independent)
         data = compiled.parameters
-        np.negative(program.wish[:size], out=data["linear"])
+        kept = places[:independent]
         if free:
             data["gradients"][:free] = dense[independent : independent + free]
             data["gradients"][free:] = 0.0
@@ -118,21 +149,36 @@ class ProgramSolver:
         if independent:
             data["bilateral"][:] = dense[:independent]
             if "targets" in data:
-                data["targets"][:] = program.bounds[kept[:independent]]
+                data["targets"][:] = program.bounds[kept]
         if newton:
             data["metric"][:] = program.metric[:size, :size]
-        solution = compiled.solve()
-        self._account(solution, rows)
-        program.z[:size] = solution.primal["velocity"]
-        duals = iter(solution.dual)
-        if free:
-            program.y[equalities:rows] = next(duals)[:free]
-        program.y[:equalities] = 0.0
-        if independent:
-            # cvxpy's multiplier of an equality has the opposite sign.
-            program.y[kept[:independent]] = -next(duals)
+        return compiled, kept
 
-    def _sparse(self, size: int, equalities: int, rows: int) -> bool:
+    def _hand_over_sparse(self, size: int, equalities: int, rows: int) -> "solvers.CompiledProblem":
+        """Write the data of the sparse model, without `linear`."""
+        program = self.program
+        entries, split = program.start[rows], program.start[equalities]
+        start, column = program.start[: rows + 1], program.column[:entries]
+        key = (size, equalities, start.tobytes(), column.tobytes())
+        known = self._patterns.pop(key, None)
+        if known is None:
+            order, patterns = find_patterns(start, column, equalities)
+            known = self._compile_model(False, size, rows - equalities, equalities, patterns), order
+        self._patterns[key] = known  # now the last in order
+        if len(self._patterns) > PATTERNS:
+            del self._patterns[next(iter(self._patterns))]
+        compiled, order = known
+        data, values = compiled.parameters, program.value[order]
+        if rows > equalities:
+            data["gradients"][:] = values[split:]
+            data["bounds"][:] = program.bounds[equalities:rows]
+        if equalities:
+            data["bilateral"][:] = values[:split]
+            if "targets" in data:
+                data["targets"][:] = program.bounds[:equalities]
+        return compiled
+
+    def _natively(self, size: int, equalities: int, rows: int) -> bool:
         """Solve a large program over sparse factors, where a linear solve or the native backend is to answer it."""
         linear = self._skip and equalities == rows
         if not (linear or self._choice.backend in NATIVE):
@@ -185,17 +231,23 @@ class ProgramSolver:
         key = (newton, size, padded, bilateral_rows)
         compiled = self._compiled.get(key)
         if compiled is None:
-            choice = self._choice
-            with CVXPY:
-                compiled = self._compiled[key] = solvers.compile(
-                    self._models[newton](np.ones(size), padded, bilateral_rows),
-                    choice.backend,
-                    tolerance=choice.tolerance,
-                    polish=choice.polish,
-                    check_parameters=False,  # kernels have factorized what is declared positive definite
-                    **choice.options,
-                )
+            compiled = self._compiled[key] = self._compile_model(newton, size, padded, bilateral_rows)
         return compiled
+
+    def _compile_model(
+        self, newton: bool, size: int, rows: int, bilateral_rows: int, patterns: Patterns = DENSE
+    ) -> "solvers.CompiledProblem":
+        choice = self._choice
+        with CVXPY:
+            return solvers.compile(
+                self._models[newton](np.ones(size), rows, bilateral_rows, patterns),
+                choice.backend,
+                tolerance=choice.tolerance,
+                polish=choice.polish,
+                check_parameters=False,  # kernels have factorized what is declared positive definite
+                warm_start=choice.warm_start and choice.backend not in NATIVE,
+                **choice.options,
+            )
 
     def _account(self, solution: "solvers.Solution", rows: int) -> None:
         self._stats.add(self._subproblem, solution, rows)

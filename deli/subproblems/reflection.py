@@ -6,6 +6,9 @@ The models of one pass; the passes are in `deli.kernels.reflection`.
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import sparse
+
+from deli.subproblems.rows import DENSE, Patterns, constant_metric, matrix
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -14,17 +17,17 @@ OPERATORS = ("generalized", "moreau", "sequential")
 ENERGIES = ("hamiltonian", "numerical")
 
 
-def model(mass: np.ndarray, rows: int, bilateral_rows: int) -> "cp.Problem":
+def model(mass: np.ndarray, rows: int, bilateral_rows: int, patterns: Patterns = DENSE) -> "cp.Problem":
     """Algorithm 2, line 9, with E = H: the nearest velocity to 2v that approaches no contact of 𝕍.
 
     ``minimize ½|v* − 2v|²_M  subject to  G_𝕍ᵀv* ≥ 0 (λ),  Fᵀv* = 0 (ν)``,  then p⁺ = p + G_𝕍λ + Fν.
 
     Complementarity λᵀG_𝕍ᵀv* = 0 is the conservation of energy, |v* − v|_M = |v|_M; λ solves (A.1).
     """
-    return _projection(len(mass), rows, bilateral_rows, np.diag(mass))
+    return _projection(len(mass), rows, bilateral_rows, constant_metric(mass), patterns)
 
 
-def numerical_model(mass: np.ndarray, rows: int, bilateral_rows: int) -> "cp.Problem":
+def numerical_model(mass: np.ndarray, rows: int, bilateral_rows: int, patterns: Patterns = DENSE) -> "cp.Problem":
     """The same for an energy ½pᵀWp (theory: second-order numerical Hamiltonians), in the metric A = W⁻¹.
 
     ``minimize ½|u − 2Wp|²_A  subject to  Ĝ_𝕍ᵀu ≥ 0 (λ)``,  then p⁺ = p + Ĝ_𝕍λ, where Ĝ_𝕍 is projected as in (7.7).
@@ -32,18 +35,20 @@ def numerical_model(mass: np.ndarray, rows: int, bilateral_rows: int) -> "cp.Pro
     import cvxpy as cp
 
     metric = cp.Parameter((len(mass), len(mass)), PSD=True, name="metric")
-    return _projection(len(mass), rows, bilateral_rows, metric)
+    return _projection(len(mass), rows, bilateral_rows, metric, patterns)
 
 
-def _projection(dof: int, rows: int, bilateral_rows: int, metric: "np.ndarray | cp.Parameter") -> "cp.Problem":
+def _projection(
+    dof: int, rows: int, bilateral_rows: int, metric: "sparse.dia_array | cp.Parameter", patterns: Patterns
+) -> "cp.Problem":
     import cvxpy as cp
 
     velocity = cp.Variable(dof, name="velocity")
     linear = cp.Parameter(dof, name="linear")  # −2p
-    gradients = cp.Parameter((rows, dof), name="gradients")
+    gradients = matrix("gradients", rows, dof, patterns[0])
     bounds = cp.Parameter(rows, name="bounds")  # zero, but for the rows that pad
     constraints = [gradients @ velocity >= bounds]
     if bilateral_rows:
-        bilateral = cp.Parameter((bilateral_rows, dof), name="bilateral")
+        bilateral = matrix("bilateral", bilateral_rows, dof, patterns[1])
         constraints.append(bilateral @ velocity == 0)
     return cp.Problem(cp.Minimize(0.5 * cp.quad_form(velocity, metric) + linear @ velocity), constraints)

@@ -37,8 +37,8 @@ class Answer(NamedTuple):
 class Backend(ABC):
     """A solver attached to one program.
 
-    The answer must be a function of the program's current numbers alone: no warm start, no scaling and no step
-    size left over from earlier numbers.
+    The answer must be a function of the program's current numbers alone, and of the point that `begin` may have given:
+    no scaling and no step size left over from earlier numbers.
 
     Parameters
     ----------
@@ -48,9 +48,19 @@ class Backend(ABC):
         Bound on the scaled KKT residuals of `solvers.residuals`.
     options : Mapping
         The solver's own settings, by its own names; they win over everything the adapter chooses.
+
+    Attributes
+    ----------
+    name : str
+    sparse : bool
+        Whether the solver takes a sparse matrix as such, so that large programs are handed to it.
+    warm_starts : bool
+        Whether `begin` can be called.
     """
 
     name: ClassVar[str]
+    sparse: ClassVar[bool] = False
+    warm_starts: ClassVar[bool] = False
 
     @abstractmethod
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None: ...
@@ -58,6 +68,10 @@ class Backend(ABC):
     @abstractmethod
     def update(self) -> None:
         """Hand the program's current numbers to the solver."""
+
+    def begin(self, x: np.ndarray, y: np.ndarray) -> None:
+        """Let the solve after this update, and no other, begin at a point and its multipliers."""
+        raise NotImplementedError
 
     @abstractmethod
     def solve(self) -> Answer:

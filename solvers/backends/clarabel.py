@@ -32,6 +32,7 @@ class Clarabel(Backend):
     """
 
     name = "clarabel"
+    sparse = True
 
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None:
         self.program = program

@@ -36,6 +36,7 @@ class HiGHS(Backend):
     """
 
     name = "highs"
+    sparse = True
 
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None:
         self.program = program

@@ -33,6 +33,8 @@ class OSQP(Backend):
     """
 
     name = "osqp"
+    sparse = True
+    warm_starts = True
 
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None:
         self.program = program
@@ -67,6 +69,10 @@ class OSQP(Backend):
         self._solver = extension.OSQPSolver(
             P, program.linear, A, self._lower, program.upper, program.rows, program.variables, self._settings
         )
+
+    def begin(self, x: np.ndarray, y: np.ndarray) -> None:
+        """Start the iteration at a point."""
+        self._solver.warm_start(x, y)
 
     def solve(self) -> Answer:
         """Solve, and copy the answer out of the solver."""

@@ -27,6 +27,7 @@ class PIQP(Backend):
     """
 
     name = "piqp"
+    sparse = True
 
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None:
         self.program = program

@@ -28,10 +28,13 @@ class ProxQP(Backend):
     """
 
     name = "proxqp"
+    sparse = True
+    warm_starts = True
 
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None:
         self.program = program
         self._solver = self._new_solver()
+        self._start: tuple[np.ndarray, ...] = ()
         refuse_unknown(self.name, options, settings_of(self._solver.settings))
         self._settings = {
             "verbose": False,
@@ -52,15 +55,21 @@ class ProxQP(Backend):
         self._matrix.data = program.matrix.entries()
         matrix = self._matrix.tocsr()
         equations, inequalities = matrix[:e].tocsc(), matrix[e:].tocsc()
-        self._solver = self._new_solver()
+        self._solver, self._start = self._new_solver(), ()
         for name, value in self._settings.items():
             setattr(self._solver.settings, name, value)
         u = program.upper
         self._solver.init(self._quadratic, program.linear, equations, u[:e], inequalities, program.lower[e:], u[e:])
 
+    def begin(self, x: np.ndarray, y: np.ndarray) -> None:
+        """Start the iteration at a point."""
+        e = self.program.equalities
+        self._solver.settings.initial_guess = proxqp.InitialGuess.WARM_START
+        self._start = (x, y[:e], y[e:])
+
     def solve(self) -> Answer:
         """Solve, and copy the answer out of the solver."""
-        self._solver.solve()
+        self._solver.solve(*self._start)
         result = self._solver.results
         message = result.info.status.name
         y = np.concatenate((result.y, result.z))

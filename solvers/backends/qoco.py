@@ -26,6 +26,7 @@ class QOCO(Backend):
     """
 
     name = "qoco"
+    sparse = True
 
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None:
         self.program = program

@@ -25,6 +25,8 @@ class QPALM(Backend):
     """Adapter of ``qpalm.Solver``, set up once and updated, which leaves no trace of earlier numbers."""
 
     name = "qpalm"
+    sparse = True
+    warm_starts = True
 
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None:
         self.program = program
@@ -49,6 +51,10 @@ class QPALM(Backend):
         self._solver.update_Q_A(triangle, program.matrix.entries())
         self._solver.update_q(program.linear)
         self._solver.update_bounds(program.lower, program.upper)
+
+    def begin(self, x: np.ndarray, y: np.ndarray) -> None:
+        """Start the iteration at a point."""
+        self._solver.warm_start(x, y)
 
     def solve(self) -> Answer:
         """Solve, and copy the answer out of the solver."""

@@ -9,8 +9,9 @@ import numpy as np
 
 from solvers import tolerances
 from solvers.backends.base import Answer, Backend
-from solvers.canonical import Canonical, kept_values
+from solvers.canonical import Canonical
 from solvers.errors import NotInstalledError, SolverError, UnknownBackendError
+from solvers.leaves import assign, kept_values
 from solvers.solution import Status
 from solvers.threads import CVXPY
 
@@ -67,7 +68,7 @@ class Reference(Backend):
         with CVXPY, kept_values(problem), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             for parameter in problem.parameters():
-                parameter.save_value(self.canonical.views[parameter.name()].copy())
+                assign(parameter, self.canonical.views[parameter.name()].copy())
             fresh = cp.Problem(problem.objective, problem.constraints)
             try:
                 fresh.solve(solver=self.solver, warm_start=False, **self._settings)

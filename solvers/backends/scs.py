@@ -30,6 +30,8 @@ class SCS(Backend):
     """Adapter of ``scs.SCS``."""
 
     name = "scs"
+    sparse = True
+    warm_starts = True
 
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None:
         self.program = program
@@ -43,6 +45,7 @@ class SCS(Backend):
             self._matrix = sparse.csc_matrix((1, program.variables))
             self._cone = {"l": 1}
         self._solver: Any = None
+        self._start: dict[str, np.ndarray] = {}
 
     def update(self) -> None:
         """Set the solver up anew."""
@@ -51,11 +54,16 @@ class SCS(Backend):
         self._matrix.data = program.matrix.entries()
         upper = np.ones(1) if self._rowless else program.upper
         data = {"P": self._triangle, "A": self._matrix, "b": upper, "c": program.linear}
-        self._solver = scs.SCS(data, self._cone, **self._settings)
+        self._solver, self._start = scs.SCS(data, self._cone, **self._settings), {}
+
+    def begin(self, x: np.ndarray, y: np.ndarray) -> None:
+        """Start the iteration at a point."""
+        if not self._rowless:
+            self._start = {"x": x, "y": y, "s": self.program.upper - self._matrix @ x}
 
     def solve(self) -> Answer:
-        """Solve from scratch."""
-        result = self._solver.solve(warm_start=False)
+        """Solve, and copy the answer out of the solver."""
+        result = self._solver.solve(warm_start=bool(self._start), **self._start)
         info = result["info"]
         claimed = STATUS.get(info["status_val"], Status.FAILED)
         if claimed is Status.INACCURATE and info["iter"] >= self._settings["max_iters"]:

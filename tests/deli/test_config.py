@@ -45,9 +45,15 @@ def test_a_config_becomes_a_plan(tmp_path):
         "backend": "osqp",
         "tolerance": 1e-10,
         "polish": True,
+        "warm_start": False,
         "options": {"max_iter": 20000},
     }
     assert solvers["position"]["backend"] == solvers["projection"]["backend"] == "clarabel"
+
+
+def test_a_warm_start_is_asked_for_in_a_config():
+    config = {"scene": "pogo_stick", "solvers": {"backend": "osqp", "warm_start": True}}
+    assert parse(config).plan().config()["solvers"]["position"]["warm_start"] is True
 
 
 @pytest.mark.parametrize("name", deli.scenes.available())

@@ -1,5 +1,6 @@
 """The active-set polish finds the answer from a rough guess, and never makes one worse."""
 
+import cvxpy as cp
 import numpy as np
 import pytest
 from known_projections import SOLVABLE
@@ -65,3 +66,32 @@ def test_multipliers_of_dependent_rows_do_not_pull():
     assert solution.ok
     assert solution.dual[0].min() >= 0.0
     assert natural_residual(compiled.program, solution.primal["velocity"], solution.dual[0]) <= 1e-14
+
+
+@pytest.mark.parametrize("noise", [1e-10, 1e-7, 1e-4])
+def test_a_sparse_program_is_polished_like_a_dense_one(noise, monkeypatch):
+    random = np.random.default_rng(4)
+    n, rows, equations = 90, 60, 20
+    matrix = np.zeros((rows + equations, n))
+    for row in matrix:
+        row[random.choice(n, 4, replace=False)] = random.normal(size=4)
+    matrix[rows + 10 :] = matrix[rows : rows + 10]  # repeated equations
+    row, column = np.nonzero(matrix)
+    split = np.searchsorted(row, rows)
+    v = cp.Variable(n, name="velocity")
+    gradients = cp.Parameter((rows, n), sparsity=(row[:split], column[:split]), name="gradients")
+    tangents = cp.Parameter((equations, n), sparsity=(row[split:] - rows, column[split:]), name="tangents")
+    bounds = cp.Parameter(rows, name="bounds")
+    objective = 0.5 * cp.sum_squares(v) + cp.Parameter(n, name="linear") @ v
+    compiled = solvers.compile(cp.Problem(cp.Minimize(objective), [gradients @ v >= bounds, tangents @ v == 0]), "piqp")
+    values = {"gradients": matrix[:rows], "tangents": matrix[rows:], "linear": random.normal(size=n)}
+    solution = compiled.solve(**values, bounds=-0.1 * random.uniform(size=rows))
+    assert solution.ok
+    program = compiled.program
+    x = solution.primal["velocity"] + noise * random.normal(size=n)
+    y = np.concatenate((solution.dual[1], solution.dual[0])) * (1.0 + noise * random.normal(size=rows + equations))
+    better = Polish(program).improve(x, y)
+    assert natural_residual(program, *better) <= 1e-14
+    monkeypatch.setattr("solvers.polish.FILLED", 0.0)
+    dense = Polish(program).improve(x, y)
+    np.testing.assert_allclose(better[0], dense[0], rtol=0, atol=1e-13)

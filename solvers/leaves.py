@@ -1,0 +1,98 @@
+"""Values of a cvxpy problem's Parameters and Variables, and the ways in and out of them."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import cvxpy as cp
+import numpy as np
+from cvxpy.error import SolverError as CvxpySolverError
+from cvxpy.reductions.cvx_attr2constr import lower_value
+from cvxpy.reductions.solution import Solution as CvxpySolution
+from scipy import sparse
+
+from solvers.errors import ParameterError
+from solvers.solution import Solution, Status
+
+
+@contextmanager
+def kept_values(problem: cp.Problem) -> Iterator[None]:
+    """Put back, on leaving, the values of a problem's Parameters, Variables and multipliers."""
+    leaves = [*problem.parameters(), *problem.variables()]
+    leaves += [variable for constraint in problem.constraints for variable in constraint.dual_variables]
+    saved = [(leaf, leaf._value) for leaf in leaves]
+    try:
+        yield
+    finally:
+        for leaf, value in saved:
+            leaf._value = value
+
+
+def value_of(parameter: cp.Parameter) -> np.ndarray | None:
+    """Return a Parameter's value as its view holds it, None if it has none."""
+    if parameter.attributes["sparsity"]:  # cvxpy warns when such a value is read the usual way
+        return None if parameter._value is None else np.asarray(parameter._value)[np.argsort(_places(parameter))]
+    return None if parameter.value is None else np.asarray(parameter.value)
+
+
+def assign(parameter: cp.Parameter, value: np.ndarray) -> None:
+    """Give a Parameter the value that its view holds, unchecked."""
+    if parameter.attributes["sparsity"]:
+        entries = sparse.coo_array((value[_ranks(parameter)], parameter.sparse_idx), shape=parameter.shape)
+        parameter.save_value(entries, sparse_path=True)
+    else:
+        parameter.save_value(value)
+
+
+def view_shape(parameter: cp.Parameter) -> tuple[int, ...]:
+    """Shape of a Parameter's view: its own, or one entry for each that a sparse one declares, row by row."""
+    shape: tuple[int, ...] = parameter.shape
+    return (parameter.sparse_idx[0].size,) if parameter.attributes["sparsity"] else shape
+
+
+def write_back(problem: cp.Problem, solution: Solution) -> None:
+    """Write a solution into a problem's Variables, multipliers, status and value, as ``problem.solve`` does."""
+    sense = -1.0 if isinstance(problem.objective, cp.Maximize) else 1.0
+    status, value = {
+        Status.SOLVED: (cp.OPTIMAL, 0.0),
+        Status.INACCURATE: (cp.OPTIMAL_INACCURATE, 0.0),
+        Status.INFEASIBLE: (cp.INFEASIBLE, sense * np.inf),
+        Status.UNBOUNDED: (cp.UNBOUNDED, -sense * np.inf),
+    }.get(solution.status, (cp.SOLVER_ERROR, np.nan))
+    if status == cp.SOLVER_ERROR:
+        message = f"the backend {solution.backend} ended with {solution.status} ({solution.message})"
+        raise CvxpySolverError(f"{message}: try another backend")
+    primal = {variable.id: solution.primal[variable.name()] for variable in problem.variables()}
+    found = zip(problem.constraints, solution.dual, strict=True)
+    dual = {constraint.id: multiplier for constraint, multiplier in found} if not np.isinf(value) else {}
+    problem.unpack(CvxpySolution(status, value, primal, dual, {}))
+
+
+def lowered_view(parameter: cp.Parameter, view: np.ndarray) -> np.ndarray:
+    """The free entries that cvxpy replaces a Parameter by, from what its view holds."""
+    if parameter.attributes["sparsity"]:
+        return view[_ranks(parameter)]
+    return np.asarray(lower_value(parameter, view)) if parameter._has_dim_reducing_attr else view
+
+
+def declared_entries(parameter: cp.Parameter, value: np.ndarray) -> np.ndarray:
+    """Turn a sparse Parameter's value in its own shape into what its view holds.
+
+    Raises
+    ------
+    ParameterError
+        If entries that it does not declare are not zero.
+    """
+    entries: np.ndarray = value.ravel()[np.sort(_places(parameter))]
+    if np.count_nonzero(entries) != np.count_nonzero(value):
+        raise ParameterError(f"parameter {parameter.name()!r} has entries outside the pattern it declares")
+    return entries
+
+
+def _places(parameter: cp.Parameter) -> np.ndarray:
+    """Places of the entries of a sparse Parameter, in cvxpy's order, which differs with scipy's version."""
+    return np.asarray(np.ravel_multi_index(parameter.sparse_idx, parameter.shape))
+
+
+def _ranks(parameter: cp.Parameter) -> np.ndarray:
+    ranks: np.ndarray = np.argsort(np.argsort(_places(parameter)))
+    return ranks
