@@ -14,7 +14,7 @@ from deli.mechanics.scene import Scene
 from deli.mechanics.schemes import Scheme
 from deli.mechanics.tables import OTHER, PLANE, Rows
 from deli.subproblems.choices import SUBPROBLEMS, SolverChoice
-from deli.subproblems.reflection import OPERATORS
+from deli.subproblems.reflection import SELECTIONS
 
 NATIVE = ("native", "auto")
 _APART = 128  # bytes around what a stepper writes to, which processors keep from others that write nearby
@@ -84,12 +84,14 @@ def bind_method(
     *,
     reflects: bool = False,
     operator: str = "generalized",
+    order: str = "index",
     numerical: bool = False,
     closed_loop: bool = False,
 ) -> Method:
     """Return a method in the form that kernels read."""
-    if operator not in OPERATORS:
-        raise InputError(f"reflection operator {operator!r} is unknown; allowed: {', '.join(OPERATORS)}.")
+    if (operator, order) not in SELECTIONS:
+        allowed = ", ".join(" in order ".join(map(repr, pair)) for pair in SELECTIONS)
+        raise InputError(f"there is no reflection operator {operator!r} in order {order!r}; allowed: {allowed}.")
     if not 0 < contact_tolerance < 1:
         raise InputError(f"contact_tolerance is {contact_tolerance!r}; allowed: 0 < contact_tolerance < 1.")
     chosen = [choices[name] for name in SUBPROBLEMS]
@@ -98,7 +100,7 @@ def bind_method(
         step_size=step_size,
         implicit=scheme.implicit,
         reflects=reflects,
-        operator=OPERATORS.index(operator),
+        operator=SELECTIONS.index((operator, order)),
         numerical=numerical,
         curvature=2.0 * scheme.numerical_curvature * step_size**2,
         closed_loop=closed_loop,

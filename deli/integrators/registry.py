@@ -5,7 +5,7 @@ from typing import Any
 from deli.integrators.discrete_smooth import DiscreteSmooth
 from deli.integrators.gvi import GVI, PREDICTORS
 from deli.mechanics.schemes import SCHEMES
-from deli.subproblems.reflection import ENERGIES, OPERATORS
+from deli.subproblems.reflection import ENERGIES, OPERATORS, ORDERS
 
 METHODS: dict[str, type[Any]] = {"gvi": GVI, "discrete_smooth": DiscreteSmooth}
 
@@ -14,5 +14,6 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "reflection": tuple(OPERATORS),
     "energy": tuple(ENERGIES),
     "predictor": tuple(PREDICTORS),
+    "order": tuple(ORDERS),
 }
 """Values a method's setting can have."""

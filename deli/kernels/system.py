@@ -13,7 +13,7 @@ Matrix = Annotated[NDArray[np.float64], 2]
 Numbers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-GENERALIZED, MOREAU, SEQUENTIAL = 0, 1, 2
+GENERALIZED, MOREAU, SEQUENTIAL, FASTEST = 0, 1, 2, 3  # what a pass reflects off, see `reflect`
 REFLECTION, POSITION, PROJECTION = 0, 1, 2
 
 # What a kernel returns. After REFRESH, neighbours must be searched and the step tried again; above it, it failed.
