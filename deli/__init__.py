@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from deli.errors import DeliError, InputError, StepError
 
 if TYPE_CHECKING:
-    from deli import plotting, scenes
+    from deli import impacts, plotting, scenes
     from deli.ensemble import simulate_ensemble
     from deli.integrators.discrete_smooth import DiscreteSmooth
     from deli.integrators.gvi import GVI
@@ -44,6 +44,7 @@ __all__ = [
     "SpheresOutside",
     "Springs",
     "StepError",
+    "impacts",
     "open_run",
     "plotting",
     "reflect",
@@ -52,7 +53,7 @@ __all__ = [
     "simulate_ensemble",
 ]
 
-_MODULES = ("plotting", "scenes")
+_MODULES = ("impacts", "plotting", "scenes")
 _HOME = {
     "GVI": "deli.integrators.gvi",
     "AnchoredRods": "deli.mechanics.distances",
