@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from deli.errors import DeliError, InputError, StepError
 
 if TYPE_CHECKING:
-    from deli import plotting, scenes
+    from deli import impacts, plotting, scenes
     from deli.ensemble import simulate_ensemble
     from deli.integrators.direct import Direct
     from deli.integrators.discrete_smooth import DiscreteSmooth
@@ -50,6 +50,7 @@ __all__ = [
     "SpheresOutside",
     "Springs",
     "StepError",
+    "impacts",
     "open_run",
     "plotting",
     "reflect",
@@ -58,7 +59,7 @@ __all__ = [
     "simulate_ensemble",
 ]
 
-_MODULES = ("plotting", "scenes")
+_MODULES = ("impacts", "plotting", "scenes")
 _HOME = {
     "GVI": "deli.integrators.gvi",
     "AnchoredRods": "deli.mechanics.distances",

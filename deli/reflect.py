@@ -15,6 +15,7 @@ def reflect(
     operator: str = "generalized",
     energy: str = "hamiltonian",
     *,
+    order: str = "index",
     scheme: str = "midpoint",
     step_size: float | None = None,
     solvers: object = "auto",
@@ -34,6 +35,8 @@ def reflect(
     operator : {"generalized", "moreau", "sequential"}
     energy : {"hamiltonian", "numerical"}
         What is conserved; the numerical Hamiltonian belongs to a `scheme` and a `step_size`.
+    order : {"index", "fastest"}
+        Which contact ``"sequential"`` takes next, see `deli.GVI`.
     scheme, step_size
         Used with ``energy="numerical"`` only.
     solvers, skip, contact_tolerance
@@ -47,7 +50,8 @@ def reflect(
     Raises
     ------
     InputError
-        For an unknown name, a state of the wrong length or not finite, or a numerical energy without a step size.
+        For an unknown name, an order that the operator has not, a state of the wrong length or not finite, or a
+        numerical energy without a step size.
     StepError
         If the reflection does not end or a solver fails.
     """
@@ -62,7 +66,7 @@ def reflect(
             )
     if energy == "numerical" and step_size is None:
         raise InputError("reflect: energy='numerical' needs a step_size, since that Hamiltonian depends on it.")
-    stepper = GVI(scheme=scheme, reflection=operator, energy=energy).stepper(
+    stepper = GVI(scheme=scheme, reflection=operator, energy=energy, order=order).stepper(
         scene, 1.0 if step_size is None else step_size, solvers, skip, contact_tolerance
     )
     return stepper.reflect(*state)

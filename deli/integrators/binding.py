@@ -14,7 +14,7 @@ from deli.mechanics.scene import Scene
 from deli.mechanics.schemes import Scheme
 from deli.mechanics.tables import OTHER, PLANE, Rows
 from deli.subproblems.choices import SUBPROBLEMS, SolverChoice
-from deli.subproblems.reflection import OPERATORS
+from deli.subproblems.reflection import SELECTIONS
 
 NATIVE = ("native", "auto")
 _APART = 128  # bytes around what a stepper writes to, which processors keep from others that write nearby
@@ -93,6 +93,7 @@ def bind_method(
     restitution: float = 0.0,
     reflects: bool = False,
     operator: str = "generalized",
+    order: str = "index",
     numerical: Scheme | None = None,
     closed_loop: bool = False,
 ) -> Method:
@@ -101,8 +102,9 @@ def bind_method(
     `weights` and `later` are start, middle and end of the force; `numerical` is the scheme whose numerical Hamiltonian
     reflections conserve, if it is one's.
     """
-    if operator not in OPERATORS:
-        raise InputError(f"reflection operator {operator!r} is unknown; allowed: {', '.join(OPERATORS)}.")
+    if (operator, order) not in SELECTIONS:
+        allowed = ", ".join(" in order ".join(map(repr, pair)) for pair in SELECTIONS)
+        raise InputError(f"there is no reflection operator {operator!r} in order {order!r}; allowed: {allowed}.")
     if not 0 < contact_tolerance < 1:
         raise InputError(f"contact_tolerance is {contact_tolerance!r}; allowed: 0 < contact_tolerance < 1.")
     chosen = [choices[name] for name in SUBPROBLEMS]
@@ -124,7 +126,7 @@ def bind_method(
         stiffness=step_size**2 * share * (0.5 * middle + end),
         implicit=middle != 0.0 or end != 0.0,
         reflects=reflects,
-        operator=OPERATORS.index(operator),
+        operator=SELECTIONS.index((operator, order)),
         numerical=numerical is not None,
         curvature=2.0 * numerical.numerical_curvature * step_size**2 if numerical else 0.0,
         closed_loop=closed_loop,

@@ -8,7 +8,7 @@ from deli.integrators.gvi import GVI, PREDICTORS
 from deli.integrators.moreau_jean import MoreauJean
 from deli.integrators.newmark import Newmark
 from deli.mechanics.schemes import SCHEMES
-from deli.subproblems.reflection import ENERGIES, OPERATORS
+from deli.subproblems.reflection import ENERGIES, OPERATORS, ORDERS
 
 METHODS: dict[str, type[Any]] = {
     "gvi": GVI,
@@ -24,5 +24,6 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "energy": tuple(ENERGIES),
     "predictor": tuple(PREDICTORS),
     "constraint": tuple(CONSTRAINTS),
+    "order": tuple(ORDERS),
 }
 """Values a method's setting can have."""

@@ -19,7 +19,7 @@ from deli.mechanics.scene import Scene
 from deli.subproblems import position, projection, reflection
 from deli.subproblems.choices import parse_choices
 from deli.subproblems.program import ProgramSolver
-from deli.subproblems.reflection import OPERATORS
+from deli.subproblems.reflection import SELECTIONS
 from deli.subproblems.stats import StepStats
 
 _SEARCHES = 16  # times that neighbours are searched, ever farther, before a step is given up
@@ -259,7 +259,7 @@ class Stepper:
                 f"complementarity {report[4]:.1e} where {report[5]:.0e} is allowed; use a smaller step_size, "
                 f"polish = true or a tighter tolerance, or a potential with a hessian."
             )
-        operator = OPERATORS[self._method.operator]
+        operator, _ = SELECTIONS[self._method.operator]
         if code == codes.NO_DIRECTION:
             raise StepError(
                 f"reflection: {operator!r} turns back and forth between {report[0]:.0f} contacts that leave "

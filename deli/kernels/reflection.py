@@ -7,9 +7,10 @@ from numba import types
 
 from deli.kernels.compiled import address_of, call, kernel, unit
 from deli.kernels.islands import connect
-from deli.kernels.rows import rate
+from deli.kernels.rows import rate, weight
 from deli.kernels.system import (
     DONE,
+    FASTEST,
     GENERALIZED,
     MACHINE,
     MOREAU,
@@ -25,6 +26,7 @@ from deli.kernels.turning import turn_back
 _PASSES = 1000
 _MOST_PASSES = 1_000_000
 _SAME = 1e-10  # relative difference of two momenta that are one
+_TIE = 1e-12  # relative difference of two speeds that are one
 _SMALL = 1000  # degrees of freedom up to which every pass is compared with the one before
 
 
@@ -107,6 +109,21 @@ def _rattle(mass: np.ndarray) -> float:
 
 
 @kernel
+def _fastest(machine: Machine, count: int) -> int:
+    """Place of the row with the largest approach speed ``−∇gᵀv / ‖∇g‖_{M⁻¹}``; of equal ones, the first."""
+    system, work = machine.system, machine.work
+    largest, place = 0.0, -1
+    for k in range(count):
+        row = work.chosen[k]
+        if work.approach[k] < -work.still[row]:
+            square = weight(system.unilateral, row, work.normals, work.gradients, system.inverse)
+            speed = -work.approach[k] / math.sqrt(square)
+            if place < 0 or speed > (1.0 + _TIE) * largest:
+                largest, place = speed, k
+    return place
+
+
+@kernel
 def _select(machine: Machine, count: int, last: int) -> tuple[int, int, int]:
     """Look at all chosen rows, and put those to reflect off into ``work.pressing``.
 
@@ -123,8 +140,9 @@ def _select(machine: Machine, count: int, last: int) -> tuple[int, int, int]:
             next_one = k if next_one < 0 and k > last else next_one
     if violated == 0:
         return 0, last, 0
-    if method.operator == SEQUENTIAL:
-        last = next_one if next_one >= 0 else first_one
+    if method.operator == SEQUENTIAL or method.operator == FASTEST:
+        next_one = next_one if next_one >= 0 else first_one
+        last = _fastest(machine, count) if method.operator == FASTEST else next_one
         selected[0] = chosen[last]
         work.marked[last] = 1
         return violated, last, 1
@@ -143,7 +161,8 @@ def reflect(machine: Machine, count: int) -> int:
     """Turn ``work.momentum`` until none of the first `count` rows of ``work.chosen`` approaches.
 
     Each pass selects rows, reflects off them together, and looks again: ``generalized`` selects the approaching
-    contacts, ``moreau`` all that do not separate, ``sequential`` the next approaching one in index order.
+    contacts, ``moreau`` all that do not separate, ``sequential`` one: the next approaching one in index order, or the
+    fastest.
     """
     system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
     momentum, dof = work.momentum, system.mass.size

@@ -13,7 +13,7 @@ Matrix = Annotated[NDArray[np.float64], 2]
 Numbers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-GENERALIZED, MOREAU, SEQUENTIAL = 0, 1, 2
+GENERALIZED, MOREAU, SEQUENTIAL, FASTEST = 0, 1, 2, 3  # what a pass reflects off, see `reflect`
 REFLECTION, POSITION, PROJECTION = 0, 1, 2
 # The rows of a position update: their gradients are those at q, or follow the constraints; or they are affine.
 FROZEN, MOVING, AFFINE = 0, 1, 2

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     import cvxpy as cp
 
 OPERATORS = ("generalized", "moreau", "sequential")
+ORDERS = ("index", "fastest")
+SELECTIONS = (("generalized", "index"), ("moreau", "index"), ("sequential", "index"), ("sequential", "fastest"))
+"""Operator and order by the number that kernels know them by; only one contact at a time has an order."""
 ENERGIES = ("hamiltonian", "numerical")
 
 

@@ -100,6 +100,14 @@ def test_recorded_parameters_are_a_config(name):
             r"method\.reflection is an unknown key; allowed: name, scheme",
         ),
         (
+            {"scene": "point_mass", "method": {"name": "gvi", "order": "slowest"}},
+            r"method\.order is 'slowest'; .*allowed: index, fastest",
+        ),
+        (
+            {"scene": "point_mass", "method": {"name": "gvi", "order": "fastest"}},
+            r"method: GVI: order 'fastest' is for reflection 'sequential', .*; reflection is 'generalized'",
+        ),
+        (
             {"scene": "point_mass", "solvers": "clarabell"},
             r"solvers\.default\.backend is 'clarabell'; did you mean 'clarabel'\? allowed: auto, clarabel",
         ),

@@ -171,7 +171,7 @@ class TestRun:
     def test_config_reproduces_the_run(self, scene):
         run = deli.simulate(
             scene,
-            deli.GVI(reflection="moreau"),
+            deli.GVI(reflection="sequential", order="fastest"),
             step_size=H,
             steps=50,
             every=2,

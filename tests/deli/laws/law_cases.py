@@ -86,13 +86,17 @@ CASE_BY_NAME = {case.name: case for case in CASES}
 
 SCHEMES = ("midpoint", "verlet")
 OPERATORS = ("generalized", "moreau", "sequential")
+SELECTIONS = [*((operator, "index") for operator in OPERATORS), ("sequential", "fastest")]
+REFLECTION = pytest.mark.parametrize(
+    ("operator", "order"), [pytest.param(*each, id="-".join(each)) for each in SELECTIONS]
+)
 ENERGIES = ("hamiltonian", "numerical")
 PREDICTORS = ("forward", "closed_loop")
 
 
 def _label(method: object) -> str:
     if isinstance(method, deli.GVI):
-        return "-".join((method.scheme, method.reflection, method.energy, method.predictor))
+        return "-".join((method.scheme, method.reflection, method.energy, method.predictor, method.order))
     return f"{type(method).__name__}-{method.scheme}"
 
 
@@ -104,6 +108,7 @@ METHODS = [
         for energy in ENERGIES
         for predictor in PREDICTORS
     ),
+    *(deli.GVI(scheme=scheme, reflection="sequential", order="fastest") for scheme in SCHEMES),
     *(deli.DiscreteSmooth(scheme=scheme) for scheme in SCHEMES),
 ]
 METHOD = pytest.mark.parametrize("method", [pytest.param(method, id=_label(method)) for method in METHODS])

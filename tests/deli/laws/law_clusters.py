@@ -11,6 +11,7 @@ import deli
 
 CURVATURE = {"midpoint": -1.0 / 12.0, "verlet": 1.0 / 6.0}  # c in W = M⁻¹ + c h² M⁻¹V″M⁻¹
 CONTACT_TOLERANCE = 1e-8
+EQUAL = 1e-12  # relative difference of two speeds that differ by rounding alone
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ def tangent(momentum: np.ndarray, mass: np.ndarray, bilateral: np.ndarray) -> np
     return root * velocity
 
 
-def reflected(cluster: Cluster, operator: str, metric: np.ndarray) -> np.ndarray | None:
+def reflected(cluster: Cluster, operator: str, order: str, metric: np.ndarray) -> np.ndarray | None:
     """Algorithms 2 and 3 by nonnegative least squares: min ½z·Wz with z = 2p + Ĝλ, λ >= 0, and p ← z − p.
 
     None where a pass does not open its own contacts: one can approach in M⁻¹ and recede in W, and then no impulse both
@@ -96,7 +97,10 @@ def reflected(cluster: Cluster, operator: str, metric: np.ndarray) -> np.ndarray
         closing = np.flatnonzero(approach < -CONTACT_TOLERANCE)
         if not len(closing):
             return p
-        if operator == "sequential":
+        if order == "fastest":
+            speeds = -approach[closing]
+            closing = closing[speeds >= (1.0 - EQUAL) * speeds.max()][:1]
+        elif operator == "sequential":
             last = next((int(row) for row in closing if row > last), int(closing[0]))
             closing = np.array([last])
         elif operator == "moreau":

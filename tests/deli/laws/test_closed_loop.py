@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from law_cases import REFLECTION
 from law_runs import Run, run
 
 import deli
@@ -56,8 +57,8 @@ def test_mixed_spring_sphere_lands() -> None:
     assert error(closed) == pytest.approx(1.04, abs=0.03)
 
 
-@pytest.mark.parametrize("operator", ["generalized", "moreau", "sequential"])
-def test_every_operator_closes_the_loop(operator: str) -> None:
-    _, closed = both(deli.scenes.newtons_cradle(), 0.02, 3.0, reflection=operator)
+@REFLECTION
+def test_every_operator_closes_the_loop(operator: str, order: str) -> None:
+    _, closed = both(deli.scenes.newtons_cradle(), 0.02, 3.0, reflection=operator, order=order)
     assert closed.reflected.sum() > 0
     assert closed.gap >= ADMISSIBLE

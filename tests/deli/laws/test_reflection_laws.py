@@ -6,27 +6,28 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from law_cases import BACKEND, ENERGIES, OPERATORS, SCHEMES, SKIP
+from law_cases import BACKEND, ENERGIES, REFLECTION, SCHEMES, SKIP
 from law_clusters import Cluster, clusters, reflected, tangent
 
 import deli
 
-OPERATOR = pytest.mark.parametrize("operator", OPERATORS)
 ENERGY = pytest.mark.parametrize("energy", ENERGIES)
 EXACT = 1e-11  # relative: rounding of a polished projection, through up to some hundred passes
 EXAMPLES = settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 
 
-def reflect(cluster: Cluster, operator: str, energy: str, **options) -> np.ndarray:
+def reflect(cluster: Cluster, operator: str, order: str, energy: str, **options) -> np.ndarray:
     scene = cluster.scene()
     step_size = cluster.step_size
-    return deli.reflect(scene, scene.position, scene.momentum, operator, energy, step_size=step_size, **options)
+    return deli.reflect(
+        scene, scene.position, scene.momentum, operator, energy, order=order, step_size=step_size, **options
+    )
 
 
-def check(cluster: Cluster, operator: str, energy: str, scheme: str, **options) -> bool:
+def check(cluster: Cluster, operator: str, order: str, energy: str, scheme: str, **options) -> bool:
     """Assert the jump conditions; return whether a reflection took place."""
     before = cluster.momentum
-    after = reflect(cluster, operator, energy, scheme=scheme, **options)
+    after = reflect(cluster, operator, order, energy, scheme=scheme, **options)
     if (cluster.approach(before) >= -1e-9).all():
         assert np.array_equal(after, before)
         return False
@@ -36,7 +37,7 @@ def check(cluster: Cluster, operator: str, energy: str, scheme: str, **options) 
     assert np.abs(cluster.bilateral @ (after / cluster.mass)).max(initial=0.0) <= 1e-12 * 20 * speed
 
     metric = cluster.metric(energy, scheme)
-    expected = reflected(cluster, operator, metric)
+    expected = reflected(cluster, operator, order, metric)
     change = abs(after @ metric @ after / (before @ metric @ before) - 1.0)
     if expected is not None:
         assert change <= EXACT  # (6.9)
@@ -49,23 +50,25 @@ def check(cluster: Cluster, operator: str, energy: str, scheme: str, **options) 
     return True
 
 
-@OPERATOR
+@REFLECTION
 @ENERGY
 @SKIP
 @EXAMPLES
 @given(cluster=clusters(), scheme=st.sampled_from(SCHEMES))
-def test_jump_conditions(operator: str, energy: str, skip: bool, cluster: Cluster, scheme: str) -> None:
-    check(cluster, operator, energy, scheme, skip=skip, solvers="daqp")
+def test_jump_conditions(operator: str, order: str, energy: str, skip: bool, cluster: Cluster, scheme: str) -> None:
+    check(cluster, operator, order, energy, scheme, skip=skip, solvers="daqp")
 
 
 @pytest.mark.long
-@OPERATOR
+@REFLECTION
 @ENERGY
 @SKIP
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(cluster=clusters(), scheme=st.sampled_from(SCHEMES))
-def test_jump_conditions_at_length(operator: str, energy: str, skip: bool, cluster: Cluster, scheme: str) -> None:
-    check(cluster, operator, energy, scheme, skip=skip, solvers="daqp")
+def test_jump_conditions_at_length(
+    operator: str, order: str, energy: str, skip: bool, cluster: Cluster, scheme: str
+) -> None:
+    check(cluster, operator, order, energy, scheme, skip=skip, solvers="daqp")
 
 
 STEEP_BESIDE_GENTLE = Cluster(
@@ -77,16 +80,16 @@ STEEP_BESIDE_GENTLE = Cluster(
 )
 
 
-@OPERATOR
+@REFLECTION
 @ENERGY
 @EXAMPLES
 @example(cluster=STEEP_BESIDE_GENTLE, factors=[1e-3, 1e-3, 1.0])
 @given(cluster=clusters(), factors=st.lists(st.sampled_from([1e-6, 1.0, 1e6]), min_size=5, max_size=5))
 def test_a_constraint_may_be_multiplied_by_a_number(
-    operator: str, energy: str, cluster: Cluster, factors: list[float]
+    operator: str, order: str, energy: str, cluster: Cluster, factors: list[float]
 ) -> None:
     scaled = replace(cluster, gradients=np.array(factors)[: len(cluster.gradients), None] * cluster.gradients)
-    plain, other = (reflect(each, operator, energy, skip=False) for each in (cluster, scaled))
+    plain, other = (reflect(each, operator, order, energy, skip=False) for each in (cluster, scaled))
     np.testing.assert_allclose(other, plain, atol=1e-9 * np.abs(plain).max())
 
 
@@ -106,11 +109,11 @@ def drawn(seed: int, dof: int, rows: int, bilateral_rows: int) -> Cluster:
 
 
 @BACKEND
-@OPERATOR
+@REFLECTION
 @ENERGY
-def test_jump_conditions_with_every_backend(backend: str, operator: str, energy: str) -> None:
+def test_jump_conditions_with_every_backend(backend: str, operator: str, order: str, energy: str) -> None:
     took_place = [
-        check(drawn(seed, *shape), operator, energy, "midpoint", skip=False, solvers=backend)
+        check(drawn(seed, *shape), operator, order, energy, "midpoint", skip=False, solvers=backend)
         for seed, shape in enumerate([(1, 1, 0), (4, 3, 0), (6, 4, 2)])
     ]
     assert all(took_place)
@@ -124,7 +127,7 @@ def test_the_drawn_clusters_reflect_and_conserve_exactly_as_a_rule() -> None:
     @given(cluster=clusters())
     def collect(cluster: Cluster) -> None:
         if (cluster.approach(cluster.momentum) < -1e-6).any():
-            seen.append(reflected(cluster, "generalized", cluster.metric("numerical", "midpoint")) is not None)
+            seen.append(reflected(cluster, "generalized", "index", cluster.metric("numerical", "midpoint")) is not None)
 
     collect()
     assert len(seen) >= 80

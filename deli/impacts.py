@@ -1,0 +1,88 @@
+"""Simultaneous impacts: bodies that touch and rest, and one that strikes them; for `deli.reflect`.
+
+Balls and discs have diameter 1 and mass 1, the striker has velocity 1 along the first axis and is body 0.
+"""
+
+import numpy as np
+
+from deli.mechanics.arrays import positive_number, whole_number
+from deli.mechanics.distances import SpheresApart
+from deli.mechanics.scene import Scene
+
+_TOUCHING = 1.0 + 1e-9
+
+
+def cradle(balls: int = 5) -> Scene:
+    """Return Newton's cradle at the moment of impact, without its strings: balls in a row on a line.
+
+    What is known of it: the last ball moves on alone with the striker's velocity.
+
+    Parameters
+    ----------
+    balls
+        Number of balls with the striker, at least 2.
+
+    Raises
+    ------
+    InputError
+        For a number that is not allowed.
+    """
+    balls = whole_number("balls of cradle", balls, least=2)
+    return _struck(np.arange(balls, dtype=float)[:, None], 1.0)
+
+
+def bernoulli(striker: float = 1.0) -> Scene:
+    """Return Bernoulli's problem: a disc strikes two touching discs at once, symmetrically, in the plane.
+
+    The normals make angles ±30° with the striker's path, so each disc gets an impulse λ along its own. Symmetry makes
+    the two equal, and ``½M v² = ½M (v − 2λ cos 30°/M)² + λ²/m`` gives ``λ = 2v cos 30° / (2 cos² 30°/M + 1/m)``.
+
+    Parameters
+    ----------
+    striker
+        Mass M of the striker; the two discs have mass m = 1.
+
+    Raises
+    ------
+    InputError
+        For a mass that is not > 0.
+    """
+    return _struck(_triangle(2), positive_number("striker of bernoulli", striker))
+
+
+def rack(rows: int = 4) -> Scene:
+    """Return the break of a rack of discs: a triangle, struck head on at its tip.
+
+    Energy, momentum and symmetry do not fix what comes of it.
+
+    Parameters
+    ----------
+    rows
+        Rows of the triangle, at least 2: 3 rows are 6 discs, 4 rows 10, and the striker.
+
+    Raises
+    ------
+    InputError
+        For a number that is not allowed.
+    """
+    triangle = _triangle(whole_number("rows of rack", rows, least=2))
+    return _struck(np.vstack([[-1.0, 0.0], triangle]), 1.0)
+
+
+def _triangle(rows: int) -> np.ndarray:
+    return np.array([(row * np.sqrt(0.75), place - row / 2) for row in range(rows) for place in range(row + 1)])
+
+
+def _struck(position: np.ndarray, striker: float) -> Scene:
+    """Bodies that touch where they are a diameter apart, the first of which moves along the first axis."""
+    bodies, dimension = position.shape
+    distances = np.linalg.norm(position[:, None] - position, axis=2)
+    mass, momentum = np.ones(bodies), np.zeros(position.shape)
+    mass[0] = momentum[0, 0] = striker
+    return Scene(
+        mass=mass,
+        position=position,
+        momentum=momentum,
+        unilateral=SpheresApart(pairs=np.argwhere(np.triu(distances < _TOUCHING, 1)), distance=1.0),
+        dimension=dimension,
+    )
