@@ -52,7 +52,7 @@ def figures(
         try:
             data = maker.dataset(figure)
         except Interrupted as stopped:
-            complain(stopped)
+            complain(f"{stopped} The same command does.")
             raise typer.Exit(RUN_FAILED) from stopped
         maker.picture(figure, data)
         failed += [f"{figure.name} {name}: {run.attrs['outcome']}" for name, run in _unfinished(data)]

@@ -35,7 +35,8 @@ def draw(config: FigureConfig, data: xr.DataTree) -> Figure:
             figure = _draw_paths(data)
         else:
             figure = _draw_snapshots(data)
-        figure.suptitle(f"{config.name}  {config.table.title}", fontsize=11)
+        shortened = " (quick: shorter runs)" if data.attrs["quick"] else ""
+        figure.suptitle(f"{config.name}  {config.table.title}{shortened}", fontsize=11)
     return figure
 
 
@@ -46,7 +47,9 @@ def _draw_panels(config: FigureConfig, data: xr.DataTree) -> Figure:
     for axes, panel in zip(column, panels, strict=True):
         _draw_panel(axes, panel, config.table.runs, data)
     column[-1].set_xlabel("time [T]")
-    column[-1].set_xlim(0.0, max(float(dataset_of(data, run)["time"][-1]) for run in config.table.runs))
+    end = max(float(dataset_of(data, run)["time"][-1]) for run in config.table.runs)
+    if end > 0.0:  # or else the first step failed
+        column[-1].set_xlim(0.0, end)
     figure.align_ylabels(column)
     return figure
 

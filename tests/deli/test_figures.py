@@ -135,15 +135,33 @@ class TestFigures:
         with xr.open_datatree("made/ball.nc") as data:
             assert data["gvi"].sizes["time"] == data["exact"].sizes["time"] == 21
 
-    def test_overwriting(self, small, folder, at_step):
-        assert call(*small()).exit_code == DONE
-        at_step(3, lambda take: StepError("no more"))
-        assert call(*small()).exit_code == DONE
-        result = call(*small(), "--overwrite")
+    @pytest.mark.parametrize("step", [1, 3])
+    @pytest.mark.parametrize("draw", ["lines", "range"])
+    def test_failed_runs_are_drawn(self, small, folder, at_step, step, draw):
+        arguments = small(('["position"]', f'["energy"]\ndraw = "{draw}"'), ('solution = "bouncing_ball"', ""))
+        assert call(*arguments).exit_code == DONE
+        at_step(step, lambda take: StepError("no more"))
+        assert call(*arguments).exit_code == DONE
+        (folder / "made/ball.png").unlink()
+        result = call(*arguments, "--overwrite")
         assert result.exit_code == RUN_FAILED
-        assert "ball gvi: failed in step 3" in result.stderr
+        assert f"ball gvi: failed in step {step}" in result.stderr
+        assert (folder / "made/ball.png").exists()
         with xr.open_datatree("made/ball.nc") as data:
-            assert data["gvi"].sizes["time"] == 3
+            assert data["gvi"].sizes["time"] == step
+
+    def test_an_interrupted_figure_continues(self, small, folder, at_step):
+        def interrupt(take):
+            raise KeyboardInterrupt
+
+        at_step(3, interrupt)
+        result = call(*small())
+        assert result.exit_code == RUN_FAILED
+        assert "interrupted after step 2; 3 rows are in" in result.stderr
+        at_step.restore()
+        assert call(*small()).exit_code == DONE
+        with xr.open_datatree("made/ball.nc") as data:
+            assert data["gvi"].sizes["time"] == 201
 
     def test_distances_and_changes_of_energy(self, small):
         arguments = small(
