@@ -5,7 +5,7 @@ import difflib
 import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 from pydantic_core import ErrorDetails, PydanticCustomError
@@ -157,9 +157,11 @@ def say(error: ErrorDetails, model: type[BaseModel]) -> str:
 
 
 def _keys(model: type[BaseModel], parents: Iterable[Any]) -> list[str]:
-    inner = model
-    for parent in parents:
+    inner, path = model, iter(parents)
+    for parent in path:
         annotation = inner.model_fields[parent].annotation
-        candidates = [annotation, *getattr(annotation, "__args__", ())]
+        if get_origin(annotation) in (dict, list):
+            next(path)  # which entry it is does not matter
+        candidates = [annotation, *get_args(annotation)]
         inner = next(kind for kind in candidates if isinstance(kind, type) and issubclass(kind, BaseModel))
     return list(inner.model_fields)

@@ -49,7 +49,7 @@ def history(run: xr.DataTree) -> Figure:
     matplotlib.figure.Figure
     """
     with matplotlib.rc_context(STYLE):
-        figure = _figure((8.0, 8.0))
+        figure = new_figure((8.0, 8.0))
         draw_history(figure, run)
         figure.suptitle(_title(run), fontsize=10)
     return figure
@@ -70,7 +70,7 @@ def trajectory(run: xr.DataTree, scene: Scene | None = None) -> Figure:
     matplotlib.figure.Figure
     """
     with matplotlib.rc_context(STYLE):
-        figure = _figure((7.0, 7.0))
+        figure = new_figure((7.0, 7.0))
         draw_trajectory(figure, run, scene or scene_of(run))
         figure.suptitle(_title(run), fontsize=10)
     return figure
@@ -86,7 +86,7 @@ def save(run: xr.DataTree, path: str | os.PathLike[str], scene: Scene | None = N
     """
     check_picture(Path(path))
     with matplotlib.rc_context(STYLE):
-        figure = _figure((13.5, 7.6))
+        figure = new_figure((13.5, 7.6))
         left, right = figure.subfigures(1, 2, width_ratios=(1.15, 1.0), wspace=0.04, squeeze=False)[0]
         draw_history(left, run)
         draw_trajectory(right, run, scene or scene_of(run))
@@ -109,7 +109,8 @@ def check_picture(path: Path) -> None:
         raise InputError(f"picture {path}: the folder {folder} does not exist or is not writable; name another.")
 
 
-def _figure(size: tuple[float, float]) -> Figure:
+def new_figure(size: tuple[float, float]) -> Figure:
+    """Return an empty figure of a size in inches, laid out when it is drawn."""
     figure = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(figure)
     return figure

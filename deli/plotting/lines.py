@@ -25,18 +25,29 @@ def unit(units: str) -> str:
 def draw_line(axes: Axes, time: np.ndarray, values: np.ndarray, hue: str, label: str | None = None) -> None:
     """Draw values over time; where they turn too often for the eye, their range and their running mean.
 
-    That is beyond `TURNS` turning points or `POINTS` points. A bin of the range spans some oscillations, so that the
-    range shows their amplitude and not where in the oscillation a bin ends.
+    That is beyond `TURNS` turning points or `POINTS` points.
     """
-    turns = np.count_nonzero(np.diff(np.sign(np.diff(values))))
-    if turns <= TURNS and len(time) <= POINTS:
+    if _turns(values) <= TURNS and len(time) <= POINTS:
         axes.plot(time, values, color=hue, label=label, linewidth=0.9)
-        return
-    bins = int(np.clip(turns // 6, MEANS // 2, BINS))
+    else:
+        draw_range(axes, time, values, hue, label)
+
+
+def draw_range(axes: Axes, time: np.ndarray, values: np.ndarray, hue: str, label: str | None = None) -> None:
+    """Draw the range of values and their running mean.
+
+    A bin of the range spans some oscillations, so that the range shows their amplitude and not where in the oscillation
+    a bin ends.
+    """
+    bins = min(int(np.clip(_turns(values) // 6, MEANS // 2, BINS)), len(values))
     middle, low = _binned(time, bins, np.mean), _binned(values, bins, np.min)
     axes.fill_between(middle, low, _binned(values, bins, np.max), color=hue, alpha=0.3, linewidth=0)
     means = min(bins, MEANS)
     axes.plot(_binned(time, means, np.mean), _binned(values, means, np.mean), color=hue, label=label, linewidth=0.9)
+
+
+def _turns(values: np.ndarray) -> int:
+    return int(np.count_nonzero(np.diff(np.sign(np.diff(values)))))
 
 
 def _binned(values: np.ndarray, bins: int, reduce: Callable[[np.ndarray], float]) -> np.ndarray:

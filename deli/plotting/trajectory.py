@@ -59,15 +59,23 @@ def _draw_plane(
 ) -> None:
     axes = figure.subplots()
     _draw_paths(axes, paths)
-    last = paths[-1]
-    size = np.zeros(len(last)) if scene is None else shapes.radii(scene)
+    draw_bodies(axes, scene, paths[-1])
+    axes.set_xlabel(f"x{unit(units)}")
+    axes.set_ylabel(f"y{unit(units)}")
+    axes.set_title(_explanation(len(time)))
+    legend_below(figure, axes)
+
+
+def draw_bodies(axes: Axes, scene: Scene | None, places: np.ndarray) -> None:
+    """Draw bodies at the given places in the plane, shape (bodies, 2), among what is known of the scene's walls."""
+    size = np.zeros(len(places)) if scene is None else shapes.radii(scene)
     if scene is not None:
         for centre, radius in shapes.containers(scene):
             axes.add_patch(Circle(tuple(centre), radius, fill=False, edgecolor="0.2", linewidth=1.2))
-        _draw_links(axes, scene, last)
+        draw_links(axes, scene, places)
         pivots = shapes.pivots(scene)
         axes.plot(*pivots.T, color="0.2", marker="^", linestyle="none", markersize=5)
-    for body, place in enumerate(last):
+    for body, place in enumerate(places):
         if size[body] > 0:
             axes.add_patch(Circle(tuple(place), size[body], facecolor=color(body), alpha=0.25, edgecolor=color(body)))
     axes.set_aspect("equal", adjustable="box")
@@ -75,10 +83,6 @@ def _draw_plane(
     axes.autoscale_view()
     for normal, offset in shapes.planes(scene) if scene is not None else ():
         axes.axline(tuple(offset * normal), slope=_slope(normal), color="0.2", linewidth=1.2)
-    axes.set_xlabel(f"x{unit(units)}")
-    axes.set_ylabel(f"y{unit(units)}")
-    axes.set_title(_explanation(len(time)))
-    legend_below(figure, axes)
 
 
 def _draw_space(
@@ -87,20 +91,28 @@ def _draw_space(
     axes: Any = figure.subplots(subplot_kw={"projection": "3d"})
     _draw_paths(axes, paths)
     if scene is not None:
-        around, along = np.meshgrid(np.linspace(0, 2 * np.pi, 37), np.linspace(0, np.pi, 19))
-        ball = np.stack([np.sin(along) * np.cos(around), np.sin(along) * np.sin(around), np.cos(along)])
         # Axes in space do not clip: a wall far beyond the paths would shrink them to a dot.
         for centre, radius in shapes.containers(scene):
-            if np.linalg.norm(paths - centre, axis=-1).max() < 0.5 * radius:
-                continue
-            axes.plot_wireframe(*(centre[:, None, None] + radius * ball), color="0.8", linewidth=0.3)
-        _draw_links(axes, scene, paths[-1])
+            if np.linalg.norm(paths - centre, axis=-1).max() >= 0.5 * radius:
+                draw_container(axes, centre, radius)
+        draw_links(axes, scene, paths[-1])
     axes.set_aspect("equal")
     axes.set_box_aspect(None, zoom=0.88)
     for name in "xyz":
         getattr(axes, f"set_{name}label")(f"{name}{unit(units)}")
     axes.set_title(_explanation(len(time)))
     legend_below(figure, axes)
+
+
+def draw_container(axes: Any, centre: np.ndarray, radius: float) -> None:
+    """Draw the wall of a sphere in space."""
+    axes.plot_wireframe(*(centre[:, None, None] + radius * sphere()), color="0.8", linewidth=0.3)
+
+
+def sphere() -> np.ndarray:
+    """Return a net of points on the unit sphere, shape (3, n, m)."""
+    around, along = np.meshgrid(np.linspace(0, 2 * np.pi, 37), np.linspace(0, np.pi, 19))
+    return np.stack([np.sin(along) * np.cos(around), np.sin(along) * np.sin(around), np.cos(along)])
 
 
 def _draw_paths(axes: Any, paths: np.ndarray) -> None:
@@ -115,7 +127,8 @@ def _draw_paths(axes: Any, paths: np.ndarray) -> None:
         axes.plot(*path[-1:].T, color=hue, marker="o", markersize=5, linestyle="none", label=f"body {body}")
 
 
-def _draw_links(axes: Any, scene: Scene, bodies: np.ndarray) -> None:
+def draw_links(axes: Any, scene: Scene, bodies: np.ndarray) -> None:
+    """Draw a scene's rods and springs between bodies at the given places, shape (bodies, dimension)."""
     for one, other in shapes.rods(scene, bodies):
         axes.plot(*np.stack([one, other]).T, color="0.25", linewidth=1.4)
     for one, other in shapes.springs(scene, bodies):

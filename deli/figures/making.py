@@ -1,0 +1,171 @@
+"""From a figure's config to its dataset and its picture, by way of recorded runs."""
+
+import dataclasses
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import tomli_w
+import xarray as xr
+
+from deli.errors import InputError
+from deli.figures.drawing import draw
+from deli.figures.exact import SOLUTIONS
+from deli.figures.model import FigureConfig
+from deli.figures.quantities import extract
+from deli.plotting.figures import DPI, check_picture
+from deli.recording import provenance
+from deli.recording.paths import check_output
+from deli.recording.schema import TRAJECTORY, Schema, dataset_of
+from deli.running.plan import Plan
+from deli.simulation import run_plan
+
+RUN_ATTRIBUTES = (
+    "title",
+    "config",
+    "outcome",
+    "deli_version",
+    "backend_versions",
+    "machine",
+    "start",
+    "end",
+    "wall_time",
+)
+"""What a figure's dataset keeps of the attributes of its runs."""
+
+
+class Maker:
+    """Makes figures in a folder: FIGURE.nc, FIGURE.png, and the recorded runs in ``runs``.
+
+    A run's file is named by its configuration, so figures share runs, and what is recorded is not run again.
+
+    Parameters
+    ----------
+    folder : Path
+        Where everything goes; it is made if need be.
+    quick : bool
+        Whether to run what the configs say under ``quick``.
+    overwrite : bool
+        Whether to replace runs that an earlier `Maker` recorded.
+    progress : bool
+        Whether to show a bar for each run.
+    """
+
+    def __init__(self, folder: Path, *, quick: bool = False, overwrite: bool = False, progress: bool = False) -> None:
+        self._folder, self._runs = folder, folder / "runs"
+        self._quick, self._overwrite, self._progress = quick, overwrite, progress
+        self._recorded: set[Path] = set()
+
+    def plans(self, figure: FigureConfig) -> dict[str, Plan]:
+        """Return what will be run, by the names of the runs.
+
+        Raises
+        ------
+        InputError
+            For a config that `deli.config.parse` or `deli.simulate` refuses, and if a run does not have what the figure
+            shows of it. Nothing has been computed or written then.
+        """
+        plans = {run: figure.run_config(run, quick=self._quick).plan() for run in figure.table.runs}
+        for run, plan in plans.items():
+            solution = figure.table.runs[run].solution
+            if solution is not None:
+                SOLUTIONS[solution](plan.scene, np.zeros(1))
+            flat = "angular_momentum" in _shown(figure, run) or figure.table.view is not None
+            if flat and plan.scene.dimension == 1:
+                raise InputError(
+                    f"figure {figure.name}, run {run!r}: {plan.scene.name} has one dimension, and neither "
+                    "angular momentum nor a view; show other quantities in [[panels]]."
+                )
+        return plans
+
+    def dataset(self, figure: FigureConfig) -> xr.DataTree:
+        """Run what is not recorded yet; return what the figure shows, one group a run, and write it to FIGURE.nc.
+
+        Raises
+        ------
+        InputError
+            For whatever `plans` refuses, and if the folder cannot be made or written to.
+        Interrupted
+            On SIGINT or SIGTERM; what was recorded until then is continued the next time.
+        """
+        try:
+            self._runs.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{self._runs} cannot be made: {error.strerror or error}.") from error
+        check_picture(self.path(figure, ".png"))
+        groups = {f"/{run}": group for run, group in self._groups(figure)}
+        root = {
+            "title": f"Figure {figure.name}: {figure.table.title}",
+            "claim": figure.table.claim,
+            "notes": figure.table.notes,
+            "figure_config": figure.text,
+            "quick": int(self._quick),
+        }
+        tree = xr.DataTree.from_dict({"/": xr.Dataset(attrs=root), **groups})
+        target = self.path(figure, ".nc")
+        partial = target.with_name(f"{target.name}.partial")
+        tree.to_netcdf(partial)
+        partial.replace(target)
+        return tree
+
+    def picture(self, figure: FigureConfig, data: xr.DataTree) -> None:
+        """Draw a figure's dataset into FIGURE.png."""
+        draw(figure, data).savefig(self.path(figure, ".png"), dpi=DPI)
+
+    def path(self, figure: FigureConfig, suffix: str) -> Path:
+        """Return where a figure's dataset or picture goes."""
+        return self._folder / f"{figure.name}{suffix}"
+
+    def _groups(self, figure: FigureConfig) -> Iterator[tuple[str, xr.Dataset]]:
+        for run, plan in self.plans(figure).items():
+            drawn = figure.table.runs[run]
+            trajectory = self._trajectory(plan) if drawn.solution is None else _evaluated(plan, drawn.solution)
+            group = extract(trajectory, _shown(figure, run))
+            if figure.table.view is not None and figure.table.view.times is not None:
+                group = group.isel(time=_rows_at(group["time"].values, figure.table.view.times))
+            group.attrs = {"label": drawn.label} | trajectory.attrs
+            yield run, group
+
+    def _trajectory(self, plan: Plan) -> xr.Dataset:
+        """Carry out a plan unless that is done; return the trajectory with attributes of the run."""
+        config = plan.config()
+        digest = hashlib.sha256(tomli_w.dumps(config).encode()).hexdigest()[:8]
+        output = self._runs / f"{config['scene']['name']}-{config['method']['name']}-{digest}.nc"
+        overwrite = self._overwrite and output not in self._recorded
+        check_output(output, resume=not overwrite, overwrite=overwrite)
+        kept = dataclasses.replace(plan, output=output, resume=not overwrite, overwrite=overwrite)
+        run = run_plan(kept, self._progress)
+        self._recorded.add(output)
+        return dataset_of(run, TRAJECTORY).assign_attrs({key: run.attrs[key] for key in RUN_ATTRIBUTES})
+
+
+def _shown(figure: FigureConfig, run: str) -> list[str]:
+    if figure.table.view is not None:
+        return ["position"]
+    panels = [panel for panel in figure.table.panels if panel.runs is None or run in panel.runs]
+    return list(dict.fromkeys(quantity for panel in panels for quantity in panel.quantities))
+
+
+def _rows_at(time: np.ndarray, moments: list[float]) -> list[int]:
+    """Return the rows nearest to some moments, each once: a shortened run may end before some."""
+    return list(dict.fromkeys(int(np.abs(time - moment).argmin()) for moment in moments))
+
+
+def _evaluated(plan: Plan, solution: str) -> xr.Dataset:
+    """Return a closed form in the place of a recorded trajectory."""
+    time = plan.step_size * np.array([plan.step_of(row) for row in range(plan.rows)])
+    described = {
+        variable.name: variable for variable in Schema(plan.scene.dof, plan.scene.dimension).groups[TRAJECTORY]
+    }
+    values = {"time": time, "position": SOLUTIONS[solution](plan.scene, time)}
+    variables = {
+        name: xr.Variable(described[name].dims, value, described[name].attributes) for name, value in values.items()
+    }
+    attributes = {
+        "title": f"{plan.scene.name}: {solution} in closed form",
+        "config": tomli_w.dumps(plan.config()),
+        "outcome": "complete",
+        "deli_version": provenance.version("deli"),
+    }
+    return xr.Dataset(variables, attrs=attributes).set_coords("time")
