@@ -109,7 +109,6 @@ def bind_method(
     native = np.array([choice.backend in NATIVE and skip for choice in chosen])
     start, middle, end = weights
     return Method(
-        step_size=step_size,
         start=start,
         middle=middle,
         end=end,
@@ -121,7 +120,7 @@ def bind_method(
         place=place,
         rows=rows,
         restitution=restitution,
-        stiffness=step_size**2 * share * (0.5 * middle + end),
+        stiffness=share * (0.5 * middle + end),
         implicit=middle != 0.0 or end != 0.0,
         reflects=reflects,
         operator=OPERATORS.index(operator),
@@ -154,6 +153,7 @@ def work_arrays(
         **_each(("gradients", "gradients_moved"), system.other_unilateral, dof),
         **_each(("held_normals", "held_normals_moved"), held, dimension),
         **_each(("held_gradients", "held_gradients_moved"), system.other_bilateral, dof),
+        "span": (1,),
         "mismatch": (held,),
         "held_base": (held,),
         "report": (8,),

@@ -221,6 +221,7 @@ class Stepper:
         return self._program
 
     def _bind(self, program: Program) -> Record:
+        self._work.span[0] = self.step_size
         parts = (self._system, self._method, self._work, self._islands, program, self._mail, self._bridge.hooks)
         return Record(MACHINE, Machine(*parts, self.stats.tally, StepStats().tally))
 

@@ -112,7 +112,7 @@ def first_force_here(machine: Machine) -> int:
         return DONE  # it is the prediction's
     code = gradient(machine, work.q, work.force)
     for k in range(work.q.size):
-        work.force[k] *= -0.5 * method.step_size
+        work.force[k] *= -0.5 * work.span[0]
     return code
 
 

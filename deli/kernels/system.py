@@ -84,11 +84,10 @@ class System(NamedTuple):
 
 
 class Method(NamedTuple):
-    """A method with its step size and the choices for its subproblems.
+    """A method with the choices for its subproblems.
 
     Attributes
     ----------
-    step_size : float
     start, middle, end : float
         Weights of the force in the position update, φ = −h (start ∇V(q) + middle ∇V((q + x)/2) + end ∇V(x)).
     later_start, later_middle, later_end : float
@@ -104,7 +103,7 @@ class Method(NamedTuple):
     restitution : float
         Of normal velocities, in methods that do not reflect.
     stiffness : float
-        K = stiffness V″ is minus the derivative of φ with respect to u.
+        K = stiffness h² V″ is minus the derivative of φ with respect to u.
     implicit : bool
         Whether φ depends on x.
     reflects : bool
@@ -121,7 +120,6 @@ class Method(NamedTuple):
         By subproblem: whether its answers are polished or exact, and whether the compiled solver gives them.
     """
 
-    step_size: float
     start: float
     middle: float
     end: float
@@ -268,10 +266,12 @@ class Islands(NamedTuple):
 class Work(NamedTuple):
     """Arrays of one step, by degree of freedom, by unilateral row, by bilateral row.
 
-    `here` is ∇V(q), `spot` where the constraints of a position update are taken, `base` and `held_base` the values at
-    u = 0 of rows that are affine.
+    `span` holds h, the size of the step at hand: words of a record never change, so no method could take a part of a
+    step if it were one. `here` is ∇V(q), `spot` where the constraints of a position update are taken, `base` and
+    `held_base` the values at u = 0 of rows that are affine.
     """
 
+    span: Vector
     q: Vector
     p: Vector
     moved: Vector
