@@ -1,9 +1,9 @@
 """The Generalized Variational Integrator: Algorithm 1 with bilateral constraints (7.8, 7.9)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
-from deli.errors import InputError
+from deli.integrators.choices import Choices, check_choices
 from deli.mechanics.schemes import SCHEMES, get_scheme
 from deli.subproblems.reflection import ENERGIES, OPERATORS
 
@@ -40,20 +40,20 @@ class GVI:
         For a name that is not in these lists.
     """
 
+    CHOICES: ClassVar[Choices] = {
+        "scheme": tuple(SCHEMES),
+        "reflection": OPERATORS,
+        "energy": ENERGIES,
+        "predictor": PREDICTORS,
+    }
+
     scheme: str = "midpoint"
     reflection: str = "generalized"
     energy: str = "hamiltonian"
     predictor: str = "forward"
 
     def __post_init__(self) -> None:
-        for key, allowed in (
-            ("scheme", SCHEMES),
-            ("reflection", OPERATORS),
-            ("energy", ENERGIES),
-            ("predictor", PREDICTORS),
-        ):
-            if getattr(self, key) not in allowed:
-                raise InputError(f"GVI: {key} {getattr(self, key)!r} is unknown; allowed: {', '.join(allowed)}.")
+        check_choices(self)
 
     def stepper(
         self,

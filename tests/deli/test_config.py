@@ -1,5 +1,6 @@
 """Configs: what is filled in, what is refused and in which words, what an override does."""
 
+import dataclasses
 import os
 
 import numpy as np
@@ -9,7 +10,8 @@ import deli
 from deli.config import load, parse
 from deli.config.models import method_model, scene_model
 from deli.errors import InputError
-from deli.integrators.registry import CHOICES, METHODS
+from deli.integrators.choices import choices_of
+from deli.integrators.registry import METHODS
 
 POGO = """
 duration = 1000.0
@@ -209,4 +211,5 @@ def test_models_cover_scenes_and_methods():
     for name in deli.scenes.available():
         assert set(deli.scenes.get(name)().parameters) < set(scene_model(deli.scenes.get(name)).model_fields)
     for method in METHODS.values():
-        assert set(method_model(method).model_fields) - {"name"} <= set(CHOICES)
+        assert set(method_model(method).model_fields) >= {field.name for field in dataclasses.fields(method)}
+        assert set(choices_of(method)) <= set(method_model(method).model_fields)
