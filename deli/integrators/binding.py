@@ -95,6 +95,8 @@ def bind_method(
     operator: str = "generalized",
     numerical: Scheme | None = None,
     closed_loop: bool = False,
+    order: int = 0,
+    discrete: bool = False,
 ) -> Method:
     """Return a method in the form that kernels read; see `deli.kernels.system.Method` for what its numbers mean.
 
@@ -126,6 +128,8 @@ def bind_method(
         operator=OPERATORS.index(operator),
         numerical=numerical is not None,
         curvature=2.0 * numerical.numerical_curvature * step_size**2 if numerical else 0.0,
+        order=order,
+        discrete=discrete,
         closed_loop=closed_loop,
         skip=skip,
         contact_tolerance=float(contact_tolerance),
@@ -143,7 +147,7 @@ def work_arrays(
     rows, held = system.unilateral.kind.size, system.bilateral.kind.size
     values = ("gaps", "gaps_moved", "base", "approach", "still", "pressed", "scaled", "best_pressed", "best_scaled")
     flags = _each(("touching", "active", "landing", "resting"), rows)
-    lists = _each(("marked", "chosen", "smooth", "pressing"), rows) | {"ticks": (2,)}
+    lists = _each(("marked", "chosen", "smooth", "pressing"), rows) | {"ticks": (2,), "meeting": (3,)}
     shapes: dict[str, tuple[int, ...]] = {
         **_each(Work._fields, dof),
         **_each(values, rows),
@@ -154,6 +158,7 @@ def work_arrays(
         **_each(("held_normals", "held_normals_moved"), held, dimension),
         **_each(("held_gradients", "held_gradients_moved"), system.other_bilateral, dof),
         "span": (1,),
+        "balance": (3,),
         "mismatch": (held,),
         "held_base": (held,),
         "report": (8,),
@@ -238,6 +243,14 @@ def clock_address() -> int:
     except (AttributeError, OSError, TypeError):
         return 0
     return ctypes.cast(function, ctypes.c_void_p).value or 0
+
+
+@cache
+def brentq_address() -> int:
+    """Address of SciPy's Brent's method, of its interface for compiled code."""
+    from numba.extending import get_cython_function_address
+
+    return int(get_cython_function_address("scipy.optimize.cython_optimize._zeros", "brentq"))
 
 
 def _plain(array: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from deli.integrators.collision import Collision
 from deli.integrators.direct import Direct
 from deli.integrators.discrete_smooth import DiscreteSmooth
 from deli.integrators.gvi import GVI
@@ -11,6 +12,7 @@ from deli.integrators.newmark import Newmark
 METHODS: dict[str, type[Any]] = {
     "gvi": GVI,
     "discrete_smooth": DiscreteSmooth,
+    "collision": Collision,
     "direct": Direct,
     "newmark": Newmark,
     "moreau_jean": MoreauJean,

@@ -60,7 +60,7 @@ def _attempt(machine: Machine, active: int) -> tuple[int, int]:
                 work.chosen[count] = row
                 count += 1
                 normal(table, row, work.q, work.normals)
-        velocity_zeros(machine, work.p, count)
+        velocity_zeros(machine, work.p, count, method.contact_tolerance)
         code = reflect(machine, count)
         if code != DONE:
             return code, 0
@@ -71,7 +71,7 @@ def _attempt(machine: Machine, active: int) -> tuple[int, int]:
             if work.touching[row]:
                 work.chosen[count] = row
                 count += 1
-        velocity_zeros(machine, work.momentum, count)
+        velocity_zeros(machine, work.momentum, count, method.contact_tolerance)
         for k in range(count):
             row = work.chosen[k]
             speed = rate(table, row, work.normals, work.gradients, work.momentum, system.inverse)
@@ -110,7 +110,7 @@ def _attempt(machine: Machine, active: int) -> tuple[int, int]:
 
 
 @kernel
-def _carry(machine: Machine, smooth: int) -> int:
+def carry(machine: Machine, smooth: int) -> int:
     """Momentum at x: D₂L_d(q, x) without what the constraints that stay active do not allow."""
     system, method, work, mail, tally = machine.system, machine.method, machine.work, machine.mail, machine.tally
     dof, moved, held = system.mass.size, work.moved, system.bilateral.kind.size
@@ -216,7 +216,7 @@ def step(machine: Machine, known: int, _one: int, _two: int) -> int:
         for row in range(rows):
             active += work.active[row]
     tally.contacts[0] = smooth
-    code = _carry(machine, smooth)
+    code = carry(machine, smooth)
     if code != DONE:
         return code
     return finite(work)
@@ -243,5 +243,5 @@ def reflect_touching(machine: Machine) -> int:
     code = gradients_here(machine, system.bilateral.kind.size)
     if code != DONE:
         return code
-    velocity_zeros(machine, work.p, count)
+    velocity_zeros(machine, work.p, count, machine.method.contact_tolerance)
     return reflect(machine, count)
