@@ -10,6 +10,7 @@ from deli.errors import DeliError, InputError, StepError
 if TYPE_CHECKING:
     from deli import impacts, plotting, scenes
     from deli.ensemble import simulate_ensemble
+    from deli.integrators.collision import Collision
     from deli.integrators.direct import Direct
     from deli.integrators.discrete_smooth import DiscreteSmooth
     from deli.integrators.gvi import GVI
@@ -30,6 +31,7 @@ __version__ = "0.1.0"
 __all__ = [
     "GVI",
     "AnchoredRods",
+    "Collision",
     "Constraints",
     "DeliError",
     "Direct",
@@ -63,6 +65,7 @@ _MODULES = ("impacts", "plotting", "scenes")
 _HOME = {
     "GVI": "deli.integrators.gvi",
     "AnchoredRods": "deli.mechanics.distances",
+    "Collision": "deli.integrators.collision",
     "Constraints": "deli.mechanics.functions",
     "Direct": "deli.integrators.direct",
     "DiscreteSmooth": "deli.integrators.discrete_smooth",

@@ -45,13 +45,17 @@ def methods() -> None:
     """List the methods with their settings; the first value of each is the default."""
     from rich.table import Table
 
-    from deli.integrators.registry import CHOICES, METHODS
+    from deli.integrators.choices import choices_of
+    from deli.integrators.registry import METHODS
 
     table = Table("method", "what", "settings")
     for name, method in METHODS.items():
         rows = []
         for field in dataclasses.fields(method):
-            values = [str(field.default), *(v for v in CHOICES.get(field.name, ()) if v != field.default)]
+            values = [
+                str(field.default),
+                *(str(v) for v in choices_of(method).get(field.name, ()) if v != field.default),
+            ]
             rows.append(f"{field.name} = {' | '.join(values)}")
         table.add_row(name, _first_line(method), "\n".join(rows))
     console().print(table)

@@ -12,7 +12,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 import solvers
 from deli.errors import InputError
-from deli.integrators.registry import CHOICES
+from deli.integrators.choices import choices_of
 from solvers.registry import CHAINS, REFERENCE
 
 PLAIN_TYPES = (bool, int, float, str)
@@ -91,9 +91,9 @@ def scene_model(build: Callable[..., Any]) -> type[Table]:
 
 def method_model(method: type[Any]) -> type[Table]:
     """Return the model of a method's table, from the fields of its class."""
-    hints = get_type_hints(method)
+    hints, choices = get_type_hints(method), choices_of(method)
     fields: dict[str, Any] = {
-        field.name: (Literal[CHOICES[field.name]] if field.name in CHOICES else hints[field.name], field.default)
+        field.name: (Literal[choices[field.name]] if field.name in choices else hints[field.name], field.default)
         for field in dataclasses.fields(method)
     }
     return create_model("Method", __base__=Table, name=(str, ...), **fields)

@@ -96,6 +96,8 @@ def bind_method(
     order: str = "index",
     numerical: Scheme | None = None,
     closed_loop: bool = False,
+    event_order: int = 0,
+    discrete: bool = False,
 ) -> Method:
     """Return a method in the form that kernels read; see `deli.kernels.system.Method` for what its numbers mean.
 
@@ -111,7 +113,6 @@ def bind_method(
     native = np.array([choice.backend in NATIVE and skip for choice in chosen])
     start, middle, end = weights
     return Method(
-        step_size=step_size,
         start=start,
         middle=middle,
         end=end,
@@ -123,12 +124,14 @@ def bind_method(
         place=place,
         rows=rows,
         restitution=restitution,
-        stiffness=step_size**2 * share * (0.5 * middle + end),
+        stiffness=share * (0.5 * middle + end),
         implicit=middle != 0.0 or end != 0.0,
         reflects=reflects,
         operator=SELECTIONS.index((operator, order)),
         numerical=numerical is not None,
         curvature=2.0 * numerical.numerical_curvature * step_size**2 if numerical else 0.0,
+        order=event_order,
+        discrete=discrete,
         closed_loop=closed_loop,
         skip=skip,
         contact_tolerance=float(contact_tolerance),
@@ -146,7 +149,7 @@ def work_arrays(
     rows, held = system.unilateral.kind.size, system.bilateral.kind.size
     values = ("gaps", "gaps_moved", "base", "approach", "still", "pressed", "scaled", "best_pressed", "best_scaled")
     flags = _each(("touching", "active", "landing", "resting"), rows)
-    lists = _each(("marked", "chosen", "smooth", "pressing"), rows) | {"ticks": (2,)}
+    lists = _each(("marked", "chosen", "smooth", "pressing"), rows) | {"ticks": (2,), "meeting": (3,)}
     shapes: dict[str, tuple[int, ...]] = {
         **_each(Work._fields, dof),
         **_each(values, rows),
@@ -156,6 +159,8 @@ def work_arrays(
         **_each(("gradients", "gradients_moved"), system.other_unilateral, dof),
         **_each(("held_normals", "held_normals_moved"), held, dimension),
         **_each(("held_gradients", "held_gradients_moved"), system.other_bilateral, dof),
+        "span": (1,),
+        "balance": (3,),
         "mismatch": (held,),
         "held_base": (held,),
         "report": (8,),
@@ -240,6 +245,14 @@ def clock_address() -> int:
     except (AttributeError, OSError, TypeError):
         return 0
     return ctypes.cast(function, ctypes.c_void_p).value or 0
+
+
+@cache
+def brentq_address() -> int:
+    """Address of SciPy's Brent's method, of its interface for compiled code."""
+    from numba.extending import get_cython_function_address
+
+    return int(get_cython_function_address("scipy.optimize.cython_optimize._zeros", "brentq"))
 
 
 def _plain(array: np.ndarray) -> np.ndarray:

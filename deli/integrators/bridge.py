@@ -5,10 +5,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from deli.integrators.binding import clock_address
+from deli.integrators.binding import brentq_address, clock_address
 from deli.kernels import system as asked
 from deli.kernels.solve import NEWTON
-from deli.kernels.system import Hooks, Mail
+from deli.kernels.system import Hooks, Mail, Method
 from deli.kernels.turning import turn_numerical
 from deli.mechanics.constraints import ConstraintStack
 from deli.mechanics.energies import potential_hessian
@@ -31,13 +31,12 @@ class Bridge:
         Where user functions find q and leave their values.
     solvers : list of ProgramSolver
         By subproblem.
-    numerical : bool
-        Whether reflections conserve the numerical Hamiltonian.
+    method : Method
     step : int
         Address of the unit that takes a step.
     """
 
-    def __init__(self, scene: Scene, mail: Mail, solvers: list[ProgramSolver], numerical: bool, step: int) -> None:
+    def __init__(self, scene: Scene, mail: Mail, solvers: list[ProgramSolver], method: Method, step: int) -> None:
         self.raised: BaseException | None = None
         self._scene = scene
         self._mail = mail
@@ -56,8 +55,14 @@ class Bridge:
         # Kernels know these by their addresses: they live as long as the bridge.
         self._evaluate = _Function(self._answer)
         self._solve = _Function(self._answer_program)
-        numerical_unit = turn_numerical.address if numerical else 0
-        self.hooks = Hooks(_address(self._evaluate), _address(self._solve), clock_address(), numerical_unit, step)
+        self.hooks = Hooks(
+            evaluate=_address(self._evaluate),
+            solve=_address(self._solve),
+            clock=clock_address(),
+            numerical=turn_numerical.address if method.numerical else 0,
+            step=step,
+            root=brentq_address() if method.order else 0,
+        )
 
     def forget(self) -> BaseException | None:
         """Return what was raised since the last call."""

@@ -1,15 +1,13 @@
 """Direct substitution of constraint forces into the implicit midpoint method (Appendix B)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
-from deli.errors import InputError
+from deli.integrators.choices import Choices, check_choices
 
 if TYPE_CHECKING:
     from deli.integrators.stepper import Stepper
     from deli.mechanics.scene import Scene
-
-CONSTRAINTS = ("midpoint", "endpoint")
 
 
 @dataclass(frozen=True)
@@ -36,11 +34,12 @@ class Direct:
         For another name.
     """
 
+    CHOICES: ClassVar[Choices] = {"constraint": ("midpoint", "endpoint")}
+
     constraint: str = "midpoint"
 
     def __post_init__(self) -> None:
-        if self.constraint not in CONSTRAINTS:
-            raise InputError(f"Direct: constraint {self.constraint!r} is unknown; allowed: {', '.join(CONSTRAINTS)}.")
+        check_choices(self)
 
     def stepper(
         self,

@@ -1,9 +1,9 @@
 """The Discrete-Smooth Integrator (5.6-5.9)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
-from deli.errors import InputError
+from deli.integrators.choices import Choices, check_choices
 from deli.mechanics.schemes import SCHEMES, get_scheme
 
 if TYPE_CHECKING:
@@ -31,11 +31,12 @@ class DiscreteSmooth:
         For an unknown scheme.
     """
 
+    CHOICES: ClassVar[Choices] = {"scheme": tuple(SCHEMES)}
+
     scheme: str = "midpoint"
 
     def __post_init__(self) -> None:
-        if self.scheme not in SCHEMES:
-            raise InputError(f"DiscreteSmooth: scheme {self.scheme!r} is unknown; allowed: {', '.join(SCHEMES)}.")
+        check_choices(self)
 
     def stepper(
         self,

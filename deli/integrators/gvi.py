@@ -1,9 +1,10 @@
 """The Generalized Variational Integrator: Algorithm 1 with bilateral constraints (7.8, 7.9)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from deli.errors import InputError
+from deli.integrators.choices import Choices, check_choices
 from deli.mechanics.schemes import SCHEMES, get_scheme
 from deli.subproblems.reflection import ENERGIES, OPERATORS, ORDERS, SELECTIONS
 
@@ -56,6 +57,14 @@ class GVI:
     ``reflection="sequential", order="fastest"``; with P_I taken at all contacts that do not separate, ``"moreau"``.
     """
 
+    CHOICES: ClassVar[Choices] = {
+        "scheme": tuple(SCHEMES),
+        "reflection": OPERATORS,
+        "energy": ENERGIES,
+        "predictor": PREDICTORS,
+        "order": ORDERS,
+    }
+
     scheme: str = "midpoint"
     reflection: str = "generalized"
     energy: str = "hamiltonian"
@@ -64,15 +73,7 @@ class GVI:
     order: str = "index"
 
     def __post_init__(self) -> None:
-        for key, allowed in (
-            ("scheme", SCHEMES),
-            ("reflection", OPERATORS),
-            ("energy", ENERGIES),
-            ("predictor", PREDICTORS),
-            ("order", ORDERS),
-        ):
-            if getattr(self, key) not in allowed:
-                raise InputError(f"GVI: {key} {getattr(self, key)!r} is unknown; allowed: {', '.join(allowed)}.")
+        check_choices(self)
         if not isinstance(self.linearized, bool):
             raise InputError(f"GVI: linearized is {self.linearized!r}; allowed: true or false.")
         if (self.reflection, self.order) not in SELECTIONS:

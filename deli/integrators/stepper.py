@@ -86,7 +86,7 @@ class Stepper:
             ProgramSolver(number, *pair, program, choice, self.stats, measured=number != codes.POSITION, skip=skip)
             for number, (pair, choice) in enumerate(zip(models, self.choices.values(), strict=True))
         ]
-        self._bridge = Bridge(scene, self._mail, self._solvers, self._method.numerical, unit.address)
+        self._bridge = Bridge(scene, self._mail, self._solvers, self._method, unit.address)
         self._machine = self._bind(program)
 
     def switch(self, scene: Scene, system: int | None = None) -> None:
@@ -108,7 +108,7 @@ class Stepper:
         program = self._bind_scene()
         for solver in self._solvers:
             solver.bind(program)
-        self._bridge = Bridge(scene, self._mail, self._solvers, self._method.numerical, self._unit.address)
+        self._bridge = Bridge(scene, self._mail, self._solvers, self._method, self._unit.address)
         self._machine = self._bind(program)
 
     @property
@@ -222,6 +222,7 @@ class Stepper:
         return self._program
 
     def _bind(self, program: Program) -> Record:
+        self._work.span[0] = self.step_size
         parts = (self._system, self._method, self._work, self._islands, program, self._mail, self._bridge.hooks)
         return Record(MACHINE, Machine(*parts, self.stats.tally, StepStats().tally))
 
@@ -271,6 +272,17 @@ class Stepper:
                 f"reflection: {operator!r} left {report[0]:.0f} of {report[1]:.0f} contacts approaching "
                 f"(fastest at {report[3]:.2e}) after {report[2]:.0f} passes; try another operator or a smaller "
                 f"step_size."
+            )
+        if code == codes.ACCUMULATED:
+            raise StepError(
+                f"collision: unilateral constraint {report[0]:.0f} is met again at once, after {report[1]:.0f} events "
+                f"of the step, {report[2]:.6g} into its {self.step_size:g}: contacts rest or slide, or impacts "
+                f"accumulate, which collision integrators cannot follow; use deli.GVI."
+            )
+        if code == codes.UNBALANCED:
+            raise StepError(
+                f"collision: no impulse at unilateral constraint {report[0]:.0f} conserves the discrete energy, "
+                f"{report[2]:.6g} into the step of {self.step_size:g}; use a smaller step_size or another energy."
             )
         if code == codes.INDEFINITE and self._numerical is not None:
             reflection_metric(self.scene, self._numerical, self._work.q, self.step_size)  # says from which step size on

@@ -12,7 +12,7 @@ from pathlib import Path
 import llvmlite.binding as llvm
 from numba.core.caching import FunctionCache
 
-from deli.kernels import advance, direct, islands, native, position, reflection, step, turning
+from deli.kernels import advance, collision, direct, islands, native, position, reflection, step, turning
 from deli.kernels.compiled import UNITS, Unit
 from deli.mechanics import tables
 from solvers import native as solver
@@ -21,7 +21,15 @@ logger = logging.getLogger("deli")
 
 # Units that few runs need: compiled when one does.
 _RARE = {
-    unit.symbol for unit in (turning.turn_numerical, step.reflect_touching, advance.has_strayed, direct.substitute)
+    unit.symbol
+    for unit in (
+        turning.turn_numerical,
+        step.reflect_touching,
+        advance.has_strayed,
+        direct.substitute,
+        collision.collide,
+        *collision.collide.needs,
+    )
 }
 # Seconds to compile; others take about half a one.
 _COSTS = {

@@ -9,6 +9,7 @@ import llvmlite.binding as llvm
 import numpy as np
 from llvmlite import ir
 from numba import cfunc, types
+from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
 from solvers.absorbed import PlainCompiler, absorbed
@@ -16,6 +17,7 @@ from solvers.absorbed import PlainCompiler, absorbed
 _WORD = ir.IntType(64)
 _C = {types.float64: ctypes.c_double, types.boolean: ctypes.c_bool}  # records are passed by address
 _NOWHERE = 1
+_MOST_ITERATIONS = 1000  # of a root finder that halves an interval at worst every few
 _MONOTONIC = 1  # the clock that does not jump
 
 
@@ -28,9 +30,10 @@ class Unit(types.ExternalFunction):
     Callers do not absorb it: its code is optimized once.
     """
 
-    def __init__(self, function: Callable[..., Any], signature: Any) -> None:
+    def __init__(self, function: Callable[..., Any], signature: Any, needs: tuple["Unit", ...] = ()) -> None:
         super().__init__(f"{function.__module__}.{function.__name__}", signature)
         self.function = function
+        self.needs = needs
         self.compiled: Any = None
 
     @property
@@ -47,8 +50,10 @@ class Unit(types.ExternalFunction):
         return ctypes.CFUNCTYPE(*kinds)(self.compiled.address)
 
     def compile(self) -> None:
-        """Compile it, or load it from disk; the units it calls must be compiled."""
+        """Compile it, or load it from disk; the units it calls must be compiled, or among what it needs."""
         if self.compiled is None:
+            for other in self.needs:
+                other.compile()
             self.compiled = self.compile_to_disk()
             llvm.add_symbol(self.symbol, self.compiled.address)
 
@@ -68,11 +73,16 @@ register_model(Unit)(models.OpaqueModel)
 UNITS: dict[str, Unit] = {}
 
 
-def unit(result: types.Type, *arguments: types.Type) -> Callable[[Callable[..., Any]], Unit]:
-    """Make the decorated function a unit; one must be defined after those it calls."""
+def unit(
+    result: types.Type, *arguments: types.Type, needs: tuple[Unit, ...] = ()
+) -> Callable[[Callable[..., Any]], Unit]:
+    """Make the decorated function a unit; one must be defined after those it calls.
+
+    Of these, it `needs` those that are not compiled for every run.
+    """
 
     def build(function: Callable[..., Any]) -> Unit:
-        defined = Unit(function, result(*arguments))
+        defined = Unit(function, result(*arguments), needs)
         UNITS[defined.symbol] = defined
         return defined
 
@@ -88,6 +98,30 @@ def call(typing_context: Any, address: Any, one: Any, two: Any, three: Any, four
         return builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
 
     return types.int64(types.int64, types.int64, types.int64, types.int64, types.int64), generate
+
+
+@intrinsic
+def find_root(
+    typing_context: Any, brentq: Any, function: Any, record: Any, low: Any, high: Any, absolute: Any, relative: Any
+) -> Any:
+    """Root between `low` and `high` of a unit that takes a number and a record, by SciPy's function at `brentq`."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        finder, _, *numbers = arguments
+        real, integer = ir.DoubleType(), ir.IntType(32)
+        sought = ir.FunctionType(real, [real, _WORD])
+        find = ir.FunctionType(real, [sought.as_pointer(), real, real, _WORD, real, real, integer, _WORD])
+        machine, start, end, *tolerances = numbers
+        return builder.call(
+            builder.inttoptr(finder, find.as_pointer()),
+            [
+                cgutils.get_or_insert_function(builder.module, sought, function.symbol),
+                *(start, end, machine, *tolerances),
+                *(ir.Constant(integer, _MOST_ITERATIONS), ir.Constant(_WORD, 0)),
+            ],
+        )
+
+    return types.float64(types.int64, function, record, *(types.float64,) * 4), generate
 
 
 @intrinsic

@@ -112,18 +112,18 @@ def first_force_here(machine: Machine) -> int:
         return DONE  # it is the prediction's
     code = gradient(machine, work.q, work.force)
     for k in range(work.q.size):
-        work.force[k] *= -0.5 * method.step_size
+        work.force[k] *= -0.5 * work.span[0]
     return code
 
 
 @kernel
-def velocity_zeros(machine: Machine, momentum: np.ndarray, count: int) -> None:
+def velocity_zeros(machine: Machine, momentum: np.ndarray, count: int, tolerance: float) -> None:
     """Normal velocities below which the first `count` chosen rows do not move, into ``work.still``.
 
     ``|∇g_iᵀv| ≤ τ ‖∇g_i‖ (‖p‖ + ‖impulse of the forces in one step‖)``, norms in the metric M⁻¹ over the bodies
     that the constraint touches, and a share of rounding of those of all bodies.
     """
-    system, method, work = machine.system, machine.method, machine.work
+    system, work = machine.system, machine.work
     table, inverse, force, dimension = system.unilateral, system.inverse, work.force, system.dimension
     everything = push = 0.0
     for k in range(momentum.size):
@@ -153,7 +153,7 @@ def velocity_zeros(machine: Machine, momentum: np.ndarray, count: int) -> None:
                         here += momentum[dof] * momentum[dof] * inverse[dof]
                         there += force[dof] * force[dof] * inverse[dof]
         size = math.sqrt(weight(table, row, work.normals, work.gradients, inverse))
-        speed = method.contact_tolerance * (math.sqrt(here) + math.sqrt(there)) + rounding
+        speed = tolerance * (math.sqrt(here) + math.sqrt(there)) + rounding
         work.still[chosen] = speed * size
 
 

@@ -23,8 +23,8 @@ def _select_here(machine: Machine) -> int:
         normal(table, row, work.q, work.normals)
         if method.rows == AFFINE:
             speed = rate(table, row, work.normals, work.gradients, work.p, system.inverse)
-            gap, allowed = gap + _FORECAST * method.step_size * speed, 0.0
-            work.base[row] = method.step_size * method.restitution * speed
+            gap, allowed = gap + _FORECAST * work.span[0] * speed, 0.0
+            work.base[row] = work.span[0] * method.restitution * speed
         if gap <= allowed:
             work.pressing[count] = row
             count += 1
@@ -86,7 +86,7 @@ def _move(machine: Machine) -> tuple[int, int]:
 def _carry(machine: Machine) -> int:
     """Momentum at x: that at q with the later weights of the force, and the gain of the constraints' impulse."""
     system, method, work = machine.system, machine.method, machine.work
-    h, dof, later = method.step_size, work.q.size, work.before
+    h, dof, later = work.span[0], work.q.size, work.before
     for k in range(dof):
         impulse = system.mass[k] * work.velocity[k] - work.p[k] - work.force[k]
         work.carried[k] = work.p[k] + method.gain * impulse

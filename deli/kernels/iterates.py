@@ -81,7 +81,7 @@ def keep(dimension: int, group: int, store: bool, work: Work, islands: Islands) 
 def floor(machine: Machine, group: int, newton: bool) -> float:
     """What rounding of x alone leaves of the residuals: far from the origin, or of a stiff force."""
     system, method, work, islands, mail = machine.system, machine.method, machine.work, machine.islands, machine.mail
-    h, dimension, root = method.step_size, system.dimension, system.root
+    h, dimension, root = work.span[0], system.dimension, system.root
     reach = impulse = 0.0
     for k in range(islands.body_start[group], islands.body_start[group + 1]):
         for axis in range(dimension):
@@ -97,6 +97,6 @@ def floor(machine: Machine, group: int, newton: bool) -> float:
                 total = 0.0
                 for j in range(work.q.size):
                     total += abs(mail.hessian[i, j]) * abs(work.q[j] + h * work.best[j])
-                stiffness = method.stiffness * total / root[i]
+                stiffness = h * h * method.stiffness * total / root[i]
                 floor = max(floor, stiffness / (h * (impulse if impulse > 0.0 else 1.0)))
     return _ROUNDING * floor

@@ -31,11 +31,12 @@ def first_force(machine: Machine, q: np.ndarray, x: np.ndarray, out: np.ndarray)
     elif method.end != 0.0:
         at, weight = x, method.end
     code = gradient(machine, at, out)
+    h = work.span[0]
     for k in range(q.size):
-        out[k] *= -method.step_size * weight
+        out[k] *= -h * weight
     if method.end != 0.0 and method.start != 0.0:
         for k in range(q.size):
-            out[k] -= method.step_size * method.start * work.here[k]
+            out[k] -= h * method.start * work.here[k]
     return code
 
 
@@ -46,7 +47,7 @@ def reached(machine: Machine, dof: int) -> float:
     velocity = work.velocity[dof]
     if method.share != 1.0:
         velocity = method.share * velocity + (1.0 - method.share) * work.p[dof] * system.inverse[dof]
-    return work.q[dof] + method.step_size * velocity
+    return work.q[dof] + work.span[0] * velocity
 
 
 @kernel
@@ -106,9 +107,10 @@ def evaluate(machine: Machine, group: int, whole: bool) -> int:
 @kernel
 def evaluate_affine(machine: Machine, group: int, equalities: int, rows: int) -> None:
     """Values at z of rows that are affine."""
-    method, work, islands, program = machine.method, machine.work, machine.islands, machine.program
+    work, islands, program = machine.work, machine.islands, machine.program
+    h = work.span[0]
     for k in range(rows):
-        change = method.step_size * program.lengths[k] * along(program, k, program.z)
+        change = h * program.lengths[k] * along(program, k, program.z)
         if k < equalities:
             row = islands.held[islands.held_start[group] + k]
             work.mismatch[row] = work.held_base[row] + change
@@ -121,6 +123,7 @@ def evaluate_affine(machine: Machine, group: int, equalities: int, rows: int) ->
 def bounds(machine: Machine, group: int, equalities: int, rows: int) -> None:
     """Right-hand sides of the linearization about the iterate, whose √M u is in z."""
     method, work, islands, program = machine.method, machine.work, machine.islands, machine.program
+    h = work.span[0]
     for k in range(rows):
         if k < equalities:
             row = islands.held[islands.held_start[group] + k]
@@ -128,6 +131,6 @@ def bounds(machine: Machine, group: int, equalities: int, rows: int) -> None:
         else:
             row = islands.rows[islands.row_start[group] + k - equalities]
             gap = work.base[row] if method.rows == AFFINE else work.gaps_moved[row]
-        program.bounds[k] = -gap / (method.step_size * method.place * program.lengths[k])
+        program.bounds[k] = -gap / (h * method.place * program.lengths[k])
         if method.rows != AFFINE:
             program.bounds[k] += along(program, k, program.z)

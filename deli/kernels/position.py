@@ -40,6 +40,7 @@ def _metric(machine: Machine) -> int:
     """
     system, method, work, program, mail = machine.system, machine.method, machine.work, machine.program, machine.mail
     size, root = system.mass.size, system.root
+    stiffness = work.span[0] * work.span[0] * method.stiffness
     for k in range(size):
         work.stress[k] = 0.5 * (work.q[k] + work.moved[k]) if method.middle != 0.0 else work.moved[k]
     code = hessian(machine, work.stress)
@@ -50,7 +51,7 @@ def _metric(machine: Machine) -> int:
             for j in range(size):
                 entry = mail.hessian[i, j]
                 if attempt == 0:
-                    entry *= method.stiffness / (root[i] * root[j])
+                    entry *= stiffness / (root[i] * root[j])
                     mail.hessian[i, j] = entry
                 program.metric[i, j] = entry + 1.0 if i == j else entry
         if factorize(program.metric, size, program.factor):
@@ -155,10 +156,11 @@ def _iterate(machine: Machine, group: int, whole: bool, free: bool) -> int:
 @unit(types.int64, MACHINE)
 def predict(machine: Machine) -> int:
     """Unconstrained step (8.1) into ``work.velocity``, ``work.moved`` and ``work.force``."""
-    system, method, work, islands = machine.system, machine.method, machine.work, machine.islands
+    system, work, islands = machine.system, machine.work, machine.islands
+    h = work.span[0]
     for k in range(work.q.size):
         work.velocity[k] = work.p[k] * system.inverse[k]
-        work.moved[k] = work.q[k] + method.step_size * work.velocity[k]
+        work.moved[k] = work.q[k] + h * work.velocity[k]
     if system.constant:
         code = first_force(machine, work.q, work.moved, work.force)
         for k in range(work.q.size):

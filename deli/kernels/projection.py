@@ -76,8 +76,9 @@ def carry(machine: Machine, smooth: int) -> int:
         code = gradient(machine, moved, work.stress)
         if code != DONE:
             return code
+        h = work.span[0]
         for k in range(dof):
-            work.stress[k] *= -0.5 * method.step_size
+            work.stress[k] *= -0.5 * h
         force = work.stress
     for k in range(dof):
         work.carried[k] = system.mass[k] * work.velocity[k] + force[k]

@@ -87,7 +87,7 @@ def _attempt(machine: Machine, active: int) -> tuple[int, int]:
                 work.chosen[count] = row
                 count += 1
                 normal(table, row, here, work.normals)
-        velocity_zeros(machine, work.p, count)
+        velocity_zeros(machine, work.p, count, method.contact_tolerance)
         code = reflect(machine, count)
         if code != DONE:
             return code, 0
@@ -98,7 +98,7 @@ def _attempt(machine: Machine, active: int) -> tuple[int, int]:
             if work.touching[row]:
                 work.chosen[count] = row
                 count += 1
-        velocity_zeros(machine, work.momentum, count)
+        velocity_zeros(machine, work.momentum, count, method.contact_tolerance)
         for k in range(count):
             row = work.chosen[k]
             speed = rate(table, row, work.normals, work.gradients, work.momentum, system.inverse)
@@ -232,5 +232,5 @@ def reflect_touching(machine: Machine) -> int:
     code = gradients_here(machine, system.bilateral.kind.size, work.q)
     if code != DONE:
         return code
-    velocity_zeros(machine, work.p, count)
+    velocity_zeros(machine, work.p, count, machine.method.contact_tolerance)
     return reflect(machine, count)

@@ -21,6 +21,7 @@ FROZEN, MOVING, AFFINE = 0, 1, 2
 # What a kernel returns. After REFRESH, neighbours must be searched and the step tried again; above it, it failed.
 DONE, REFRESH = 0, 1
 RAISED, UNCONVERGED, NO_DIRECTION, TOO_MANY_PASSES, NOT_FINITE, INDEFINITE = 10, 11, 12, 13, 14, 15
+ACCUMULATED, UNBALANCED = 16, 17
 
 # What a kernel asks the function at `Hooks.evaluate` for, of the configuration in `Mail.at`.
 ENERGY, GRADIENT, HESSIAN, SOFTEN, LEAST_GAP = 0, 1, 2, 3, 4
@@ -84,11 +85,10 @@ class System(NamedTuple):
 
 
 class Method(NamedTuple):
-    """A method with its step size and the choices for its subproblems.
+    """A method with the choices for its subproblems.
 
     Attributes
     ----------
-    step_size : float
     start, middle, end : float
         Weights of the force in the position update, φ = −h (start ∇V(q) + middle ∇V((q + x)/2) + end ∇V(x)).
     later_start, later_middle, later_end : float
@@ -104,7 +104,7 @@ class Method(NamedTuple):
     restitution : float
         Of normal velocities, in methods that do not reflect.
     stiffness : float
-        K = stiffness V″ is minus the derivative of φ with respect to u.
+        K = stiffness h² V″ is minus the derivative of φ with respect to u.
     implicit : bool
         Whether φ depends on x.
     reflects : bool
@@ -114,6 +114,10 @@ class Method(NamedTuple):
         Whether reflections conserve the numerical Hamiltonian.
     curvature : float
         c h² of the scheme, W = M⁻¹ + c h² M⁻¹V″M⁻¹.
+    order : int
+        Of the steps to and from the events of a collision integrator; 0 for other methods.
+    discrete : bool
+        Whether such a method conserves the discrete energy at events.
     closed_loop, skip : bool
     contact_tolerance : float
     tolerance : (3,) array
@@ -121,7 +125,6 @@ class Method(NamedTuple):
         By subproblem: whether its answers are polished or exact, and whether the compiled solver gives them.
     """
 
-    step_size: float
     start: float
     middle: float
     end: float
@@ -139,6 +142,8 @@ class Method(NamedTuple):
     operator: int
     numerical: bool
     curvature: float
+    order: int
+    discrete: bool
     closed_loop: bool
     skip: bool
     contact_tolerance: float
@@ -162,6 +167,8 @@ class Hooks(NamedTuple):
         The unit `deli.kernels.turning.turn_numerical`, which few runs need.
     step : int
         The unit that takes a step of the method.
+    root : int
+        ``brentq`` of SciPy, for methods that find roots.
     """
 
     evaluate: int
@@ -169,6 +176,7 @@ class Hooks(NamedTuple):
     clock: int
     numerical: int
     step: int
+    root: int
 
 
 class Program(NamedTuple):
@@ -268,10 +276,13 @@ class Islands(NamedTuple):
 class Work(NamedTuple):
     """Arrays of one step, by degree of freedom, by unilateral row, by bilateral row.
 
-    `here` is ∇V(q), `spot` where the constraints of a position update are taken, `base` and `held_base` the values at
-    u = 0 of rows that are affine.
+    `span` holds h, the size of the step at hand: words of a record never change, so no method could take a part of a
+    step if it were one. `here` is ∇V(q), `spot` where the constraints of a position update are taken, `base` and
+    `held_base` the values at u = 0 of rows that are affine. What collision integrators need is described in
+    `deli.kernels.fractions`, from `start` to `balance`.
     """
 
+    span: Vector
     q: Vector
     p: Vector
     moved: Vector
@@ -316,6 +327,14 @@ class Work(NamedTuple):
     held_normals_moved: Matrix
     held_gradients: Matrix
     held_gradients_moved: Matrix
+    start: Vector
+    start_momentum: Vector
+    event: Vector
+    event_momentum: Vector
+    incoming: Vector
+    impulse: Vector
+    meeting: Numbers
+    balance: Vector
     report: Vector
     ticks: Numbers
 

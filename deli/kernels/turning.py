@@ -200,5 +200,5 @@ def turn_numerical(machine: Machine, _one: int, _two: int, _three: int) -> int:
             momentum[i] += impulse[i]
         return DONE
     # Contacts that graze approach in M⁻¹ while they recede in W, and no positive impulse conserves ½pᵀWp. Half the
-    # impulse that conserves H is the smallest one that stops the approach.
-    return turn_back(machine, 0, 0.5)
+    # impulse that conserves H is the smallest one that stops the approach; where nothing can rest, all of it is taken.
+    return turn_back(machine, 0, 0.5 if method.order == 0 else 1.0)

@@ -10,7 +10,8 @@ import deli
 from deli.config import load, parse
 from deli.config.models import method_model, scene_model
 from deli.errors import InputError
-from deli.integrators.registry import CHOICES, METHODS
+from deli.integrators.choices import choices_of
+from deli.integrators.registry import METHODS
 
 POGO = """
 duration = 1000.0
@@ -224,6 +225,6 @@ def test_models_cover_scenes_and_methods():
     for name in deli.scenes.available():
         assert set(deli.scenes.get(name)().parameters) < set(scene_model(deli.scenes.get(name)).model_fields)
     for method in METHODS.values():
-        words = {field.name for field in dataclasses.fields(method) if isinstance(field.default, str)}
-        assert words <= set(CHOICES)
-        assert set(method_model(method).model_fields) == {"name", *(field.name for field in dataclasses.fields(method))}
+        fields = {field.name: field.default for field in dataclasses.fields(method)}
+        assert set(method_model(method).model_fields) == {"name", *fields}
+        assert {key for key, default in fields.items() if isinstance(default, str)} <= set(choices_of(method))
