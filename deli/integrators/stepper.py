@@ -92,6 +92,8 @@ class Stepper:
     def switch(self, scene: Scene, system: int | None = None) -> None:
         """Step another scene of equal dof and dimension from now on, as if this were a new stepper.
 
+        Solvers that were asked for warm starts still begin with their last answers.
+
         Parameters
         ----------
         scene : Scene
