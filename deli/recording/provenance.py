@@ -88,10 +88,11 @@ def attributes(config: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
 
 def title(config: Mapping[str, Any]) -> str:
     """One line that says what is run."""
-    name, *settings = config["method"].values()
-    words = ", ".join(str(value) for value in settings)
+    name, *settings = config["method"].items()
+    said = [value if isinstance(value, str) else f"{key} = {value}" for key, value in settings if value is not False]
+    words = ", ".join(said)
     label = config["scene"].get("label", config["scene"]["name"])
-    return f"{label} with {name}({words}), h = {config['step_size']!r}, {config['steps']} steps"
+    return f"{label} with {name[1]}({words}), h = {config['step_size']!r}, {config['steps']} steps"
 
 
 def conserved_momenta(scene: Scene) -> dict[str, str]:
