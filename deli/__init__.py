@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from deli.errors import DeliError, InputError, StepError
 
 if TYPE_CHECKING:
-    from deli import impacts, plotting, scenes
+    from deli import impacts, metrics, plotting, scenes
     from deli.ensemble import simulate_ensemble
     from deli.integrators.collision import Collision
     from deli.integrators.direct import Direct
@@ -53,6 +53,7 @@ __all__ = [
     "Springs",
     "StepError",
     "impacts",
+    "metrics",
     "open_run",
     "plotting",
     "reflect",
@@ -61,7 +62,7 @@ __all__ = [
     "simulate_ensemble",
 ]
 
-_MODULES = ("impacts", "plotting", "scenes")
+_MODULES = ("impacts", "metrics", "plotting", "scenes")
 _HOME = {
     "GVI": "deli.integrators.gvi",
     "AnchoredRods": "deli.mechanics.distances",

@@ -16,7 +16,6 @@ from rich.table import Table
 
 import deli
 import solvers
-from deli.summary import summarize
 
 COLUMNS = ("energy_low", "energy_high", "momentum_error", "gap_min", "residual", "solves", "solver_time", "wall_time")
 
@@ -24,20 +23,11 @@ COLUMNS = ("energy_low", "energy_high", "momentum_error", "gap_min", "residual",
 def measure(scene, method, step_size, steps, choice):
     """Figures of one run in the order of COLUMNS, and its outcome."""
     run = deli.simulate(scene, method, step_size=step_size, steps=steps, solvers=choice)
-    summary, stats = summarize(run), run["solver_stats"].sel(subproblem="position")
+    found, stats = deli.metrics.measure(run), run["solver_stats"].sel(subproblem="position")
     residuals = [float(stats[name].max()) for name in ("primal_residual", "dual_residual", "complementarity")]
-    solves = sum(entry.solves for entry in summary.subproblems.values())
-    figures = (
-        summary.energy_low,
-        summary.energy_high,
-        max(summary.momentum_errors.values(), default=np.nan),
-        summary.gap_min,
-        max(residuals),
-        solves,
-        summary.solver_time,
-        summary.wall_time,
-    )
-    return figures, summary.outcome
+    found["momentum_error"] = np.fmax(found["momentum_error"], found["angular_momentum_error"])
+    found["gap_min"], found["residual"] = run["trajectory"]["gap_min"].min(), max(residuals)
+    return [float(found[name]) for name in COLUMNS], run.attrs["outcome"]
 
 
 def main():

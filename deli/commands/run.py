@@ -46,7 +46,6 @@ def run(
     from deli.commands.tables import print_plan, print_summary
     from deli.running.interrupts import Interrupted
     from deli.simulation import run_plan
-    from deli.summary import summarize
 
     config = read_config(source, settings or [])
     target = output or Path(config.output or f"{Path(source).stem}.nc")
@@ -64,7 +63,7 @@ def run(
         complain(stopped)
         raise typer.Exit(RUN_FAILED) from stopped
     if not quiet:
-        print_summary(console(), result.attrs["title"], summarize(result))
+        print_summary(console(), result)
         console().print(f"Recorded in {target}", soft_wrap=True)
     if plot is not None:
         from deli.plotting import save

@@ -1,6 +1,7 @@
 """Tables that commands print."""
 
 import math
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
@@ -8,8 +9,11 @@ from rich.text import Text
 
 from deli.recording import provenance
 from deli.recording.paths import partial_path
+from deli.recording.schema import STATS, TRAJECTORY, dataset_of
 from deli.running.plan import Plan
-from deli.summary import Summary
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def print_plan(console: Console, plan: Plan) -> None:
@@ -28,29 +32,34 @@ def print_plan(console: Console, plan: Plan) -> None:
     console.print(table)
 
 
-def print_summary(console: Console, title: str, summary: Summary) -> None:
+def print_summary(console: Console, run: "xr.DataTree") -> None:
     """Print what a run amounts to."""
-    console.print(title, markup=False, soft_wrap=True)
+    from deli import metrics
+
+    trajectory, stats = dataset_of(run, TRAJECTORY), dataset_of(run, STATS)
+    found = {name: value.item() for name, value in metrics.measure(run).items()}
+    console.print(run.attrs["title"], markup=False, soft_wrap=True)
     table = Table(show_header=False)
-    _add(table, "outcome", summary.outcome)
-    _add(table, "rows", f"{summary.rows:,} over time {summary.duration:.9g}")
-    _add(table, "energy H(0)", f"{summary.energy:.9g}")
-    _add(table, "energy error", f"{summary.energy_low:+.2e} … {summary.energy_high:+.2e}")
-    if not math.isnan(summary.drift):
-        _add(table, "energy drift", f"{summary.drift:+.1e} ± {summary.drift_error:.0e} a unit of time")
-    errors = ", ".join(f"{name} {error:.1e}" for name, error in summary.momentum_errors.items())
+    _add(table, "outcome", run.attrs["outcome"])
+    _add(table, "rows", f"{trajectory.sizes['time']:,} over time {float(trajectory['time'][-1]):.9g}")
+    _add(table, "energy H(0)", f"{float(trajectory['hamiltonian'][0]):.9g}")
+    _add(table, "energy error", f"{found['energy_low']:+.2e} … {found['energy_high']:+.2e}")
+    if not math.isnan(found["energy_drift"]):
+        _add(table, "energy drift", f"{found['energy_drift']:+.1e} ± {found['energy_drift_error']:.0e} a unit of time")
+    errors = ", ".join(f"{name} {error:.1e}" for name, error in metrics.momentum_errors(run).items())
     _add(table, "momentum error", errors or "no component is conserved in this scene")
-    if not math.isnan(summary.gap_min):
-        _add(table, "worst gap", f"{summary.gap_min:+.2e}")
-    if not math.isnan(summary.equality_residual):
-        _add(table, "equality residual", f"{summary.equality_residual:.2e}")
-    for name, work in summary.subproblems.items():
-        text = f"{work.solves:,} solves, {work.skipped:,} skipped, {work.iterations:,} iterations"
-        _add(table, name, text + (f", {work.fallbacks:,} fallbacks" if work.fallbacks else ""))
-    times = (
-        f"{summary.solver_time:.3g} s solver, {summary.overhead_time:.3g} s overhead, {summary.rest_time:.3g} s rest"
-    )
-    _add(table, "time", f"{times}; {summary.wall_time:.3g} s in all")
+    if not math.isnan(found["violation_worst"]):
+        _add(table, "worst gap", f"{float(trajectory['gap_min'].min()):+.2e}")
+    if not math.isnan(found["equality_residual"]):
+        _add(table, "equality residual", f"{found['equality_residual']:.2e}")
+    sums = stats[["solves", "skipped", "iterations", "fallbacks"]].sum("step")
+    for name in sums["subproblem"].values:
+        work = {key: int(value) for key, value in sums.sel(subproblem=name).data_vars.items()}
+        text = f"{work['solves']:,} solves, {work['skipped']:,} skipped, {work['iterations']:,} iterations"
+        _add(table, str(name), text + (f", {work['fallbacks']:,} fallbacks" if work["fallbacks"] else ""))
+    rest = found["wall_time"] - found["solver_time"] - found["overhead_time"]
+    times = f"{found['solver_time']:.3g} s solver, {found['overhead_time']:.3g} s overhead, {rest:.3g} s rest"
+    _add(table, "time", f"{times}; {found['wall_time']:.3g} s in all")
     console.print(table)
 
 

@@ -28,7 +28,7 @@ class Block(NamedTuple):
     position, momentum : (rows, dof) arrays
     diagnostics : (rows, columns) array
         Kinetic and potential energy, least gap, equality residual, linear momentum, angular momentum.
-    counts : (rows, 5, 3) int64 array
+    counts : (rows, 7, 3) int64 array
     times : (rows, 2, 3) array
     residuals : (rows, 3, 3) array
     status : (rows, 3) int64 array
@@ -62,7 +62,7 @@ def make_block(rows: int, dof: int, dimension: int) -> Record:
             position=np.zeros((rows, dof)),
             momentum=np.zeros((rows, dof)),
             diagnostics=np.zeros((rows, 4 + dimension + angular)),
-            counts=np.zeros((rows, 5, 3), dtype=np.int64),
+            counts=np.zeros((rows, 7, 3), dtype=np.int64),
             times=np.zeros((rows, 2, 3)),
             residuals=np.zeros((rows, 3, 3)),
             status=np.zeros((rows, 3), dtype=np.int64),
@@ -126,7 +126,7 @@ def record(machine: Machine, block: Block) -> int:
         block.position[row, k] = work.q[k]
         block.momentum[row, k] = work.p[k]
     for subproblem in range(tally.status.size):
-        for k in range(5):
+        for k in range(tally.counts.shape[0]):
             block.counts[row, k, subproblem] = tally.counts[k, subproblem]
         for k in range(2):
             block.times[row, k, subproblem] = tally.times[k, subproblem]

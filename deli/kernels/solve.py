@@ -110,6 +110,8 @@ def _solve_native(
         tally.contacts[2] += 1
         tally.counts[2, subproblem] += int(program.report[0])
         tally.counts[3, subproblem] += rows
+        tally.counts[5, subproblem] += 1
+        tally.counts[6, subproblem] += 1
         tally.times[0, subproblem] += solved - began
         tally.times[1, subproblem] += seconds(hooks.clock, machine.work.ticks) - solved
         note(tally, subproblem, SOLVED)

@@ -344,8 +344,8 @@ class Tally(NamedTuple):
 
     Attributes
     ----------
-    counts : (5, 3) int64 array
-        Solves, skipped, iterations, rows and fallbacks, by subproblem.
+    counts : (7, 3) int64 array
+        Solves, skipped, iterations, rows, fallbacks, claimed and verified solves, by subproblem.
     times : (2, 3) array
     residuals : (3, 3) array
     status : (3,) int64 array

@@ -35,7 +35,7 @@ def measure(tally: Tally, subproblem: int, primal: float, dual: float, complemen
 def reset(tally: Tally) -> None:
     """Forget everything but the size of the smooth set."""
     for subproblem in range(tally.status.size):
-        for k in range(5):
+        for k in range(tally.counts.shape[0]):
             tally.counts[k, subproblem] = 0
         for k in range(2):
             tally.times[k, subproblem] = 0.0
@@ -49,7 +49,7 @@ def reset(tally: Tally) -> None:
 def copy_tally(tally: Tally, out: Tally) -> None:
     """Write the statistics to `out`."""
     for subproblem in range(tally.status.size):
-        for k in range(5):
+        for k in range(tally.counts.shape[0]):
             out.counts[k, subproblem] = tally.counts[k, subproblem]
         for k in range(2):
             out.times[k, subproblem] = tally.times[k, subproblem]

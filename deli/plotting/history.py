@@ -7,9 +7,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
+from deli.metrics import energy_drift, momentum_components
 from deli.plotting.lines import color, draw_line, draw_worst, legend_above, scale_log, unit
 from deli.recording.schema import STATS, TRAJECTORY, dataset_of
-from deli.summary import drift, momentum_components
 
 RESIDUALS = ("primal_residual", "dual_residual", "complementarity")
 
@@ -35,7 +35,7 @@ def _draw_energy(axes: Axes, run: xr.DataTree) -> None:
     time, energy = trajectory["time"].values, trajectory["hamiltonian"].values
     axes.axhline(0.0, color="0.6", linewidth=0.7)
     draw_line(axes, time, energy - energy[0], color(0))
-    slope, error = drift(time, energy)
+    slope, error = energy_drift(run)
     told = "" if np.isnan(slope) else f", drift {slope:+.1e} ± {error:.0e} a unit of time"
     axes.set_title(f"energy error (H(0) = {energy[0]:.6g}{told})")
     axes.set_ylabel(f"H − H(0)\n{unit(trajectory['hamiltonian'].attrs['units']).strip()}")

@@ -15,7 +15,7 @@ from deli.mechanics.scene import Scene
 from deli.recording import netcdf
 from deli.recording.recorder import STAT_NAMES, named_diagnostics
 from deli.recording.schema import STATS, TRAJECTORY, Schema, Variable, coordinates
-from deli.subproblems.stats import UNUSED
+from deli.subproblems.stats import COUNTS, UNUSED
 
 MEMBER = "member"
 _MEMINFO = Path("/proc/meminfo")
@@ -44,7 +44,7 @@ class Gathering:
             "position": ((rows, schema.dof), np.float64),
             "momentum": ((rows, schema.dof), np.float64),
             "diagnostics": ((rows, columns), np.float64),
-            "counts": ((rows, 5, 3), np.int64),
+            "counts": ((rows, len(COUNTS), 3), np.int64),
             "times": ((rows, 2, 3), np.float64),
             "residuals": ((rows, 3, 3), np.float64),
             "status": ((rows, 3), np.int64),
@@ -71,7 +71,7 @@ class Gathering:
         """Return all rows; those that a member has not got to are nan, or count nothing."""
         self._pad()
         fields = self.fields
-        columns = [fields.counts[:, 1:, k] for k in range(5)] + [fields.times[:, 1:, k] for k in range(2)]
+        columns = [fields.counts[:, 1:, k] for k in range(len(COUNTS))] + [fields.times[:, 1:, k] for k in range(2)]
         columns += [fields.residuals[:, 1:, k] for k in range(3)] + [fields.status[:, 1:].astype(np.int8)]
         values = {
             "time": time,

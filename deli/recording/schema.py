@@ -12,7 +12,7 @@ from deli.subproblems.stats import STATUS_MEANINGS
 if TYPE_CHECKING:
     import xarray as xr
 
-CONVENTIONS = "deli-1"
+CONVENTIONS = "deli-2"
 UNITS_NOTE = (
     "L, M and T are the scene's own units of length, mass and time; a system without units has all three equal to 1. "
     "Times of solvers and of the run are in seconds (s). Positions and momenta of scenes whose "
@@ -156,6 +156,8 @@ _STATS = (
     _count("iterations", "iterations of the solver"),
     _count("rows", "constraint rows handed to the solver"),
     _count("fallbacks", "members of a solver chain that failed before one succeeded"),
+    _count("claimed", "calls that the solver says were solved"),
+    _count("verified", "calls whose recomputed residuals are within the tolerance"),
     _time("solve_time", "time inside the solver"),
     _time("overhead_time", "time to write the solver's data, read its answer and check it"),
     _residual("primal_residual", "largest scaled primal residual"),

@@ -13,7 +13,7 @@ SKIPPED, SOLVED, INACCURATE, FAILED, UNUSED = 0, 1, 2, 3, 4
 STATUS_MEANINGS = ("skipped", "solved", "inaccurate", "failed", "not_used")
 _SEVERITY = (1, 2, 3, 4, 0)  # of each status above: what a step reports is the worst it met
 
-COUNTS = ("solves", "skipped", "iterations", "rows", "fallbacks")
+COUNTS = ("solves", "skipped", "iterations", "rows", "fallbacks", "claimed", "verified")
 TIMES = ("solve_time", "overhead_time")
 RESIDUALS = ("primal_residual", "dual_residual", "complementarity")
 
@@ -23,9 +23,10 @@ class StepStats:
 
     Attributes
     ----------
-    solves, skipped, iterations, rows, fallbacks : (3,) int64 arrays
-        Solver calls, subproblems answered without one, the solver's iterations, constraint rows handed to it, and
-        members of a chain that failed before one succeeded.
+    solves, skipped, iterations, rows, fallbacks, claimed, verified : (3,) int64 arrays
+        Solver calls, subproblems answered without one, the solver's iterations, constraint rows handed to it, members
+        of a chain that failed before one succeeded, solves that the solver calls solved, and those whose recomputed
+        residuals say so.
     solve_time, overhead_time : (3,) float64 arrays
         Seconds inside the solver, and in writing its data, reading its answer and checking it.
     primal_residual, dual_residual, complementarity : (3,) float64 arrays
@@ -39,7 +40,7 @@ class StepStats:
         from deli.kernels.system import Tally  # loads the compiler, which the names above do without
 
         # Apart from what the steppers of other threads write to, which processors would keep from this one.
-        counts, times, residuals, status, contacts = np.split(np.zeros(68, dtype=np.int64)[16:52], (15, 21, 30, 33))
+        counts, times, residuals, status, contacts = np.split(np.zeros(74, dtype=np.int64)[16:58], (21, 27, 36, 39))
         self.tally = Tally(
             counts.reshape(len(COUNTS), len(SUBPROBLEMS)),
             times.view(float).reshape(len(TIMES), len(SUBPROBLEMS)),
@@ -48,7 +49,8 @@ class StepStats:
             contacts,
         )
         self.tally.residuals[:], self.tally.status[:] = np.nan, UNUSED
-        self.solves, self.skipped, self.iterations, self.rows, self.fallbacks = self.tally.counts
+        self.solves, self.skipped, self.iterations, self.rows, self.fallbacks = self.tally.counts[:5]
+        self.claimed, self.verified = self.tally.counts[5:]
         self.solve_time, self.overhead_time = self.tally.times
         self.primal_residual, self.dual_residual, self.complementarity = self.tally.residuals
         self.status = self.tally.status
@@ -80,6 +82,8 @@ class StepStats:
         self.iterations[subproblem] += solution.iterations
         self.rows[subproblem] += rows
         self.fallbacks[subproblem] += solution.fallbacks
+        self.claimed[subproblem] += solution.claimed == "solved"
+        self.verified[subproblem] += solution.ok
         self.solve_time[subproblem] += solution.setup_time + solution.solve_time
         self.overhead_time[subproblem] += solution.overhead_time
         self._worsen(subproblem, SOLVED if solution.ok else INACCURATE if solution.status == "inaccurate" else FAILED)
@@ -89,6 +93,8 @@ class StepStats:
         self.solves[subproblem] += 1
         self.iterations[subproblem] += iterations
         self.rows[subproblem] += rows
+        self.claimed[subproblem] += 1
+        self.verified[subproblem] += 1
         self.solve_time[subproblem] += solve_time
         self.overhead_time[subproblem] += overhead_time
         self._worsen(subproblem, SOLVED)

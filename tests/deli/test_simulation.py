@@ -158,7 +158,7 @@ class TestRun:
         intervals = list(itertools.pairwise(picked))
         assert full["solver_stats"]["solves"].sum() > 0
         assert full["trajectory"]["reflected_contacts"].sum() > 0
-        for name in ("solves", "skipped", "iterations", "rows", "fallbacks"):
+        for name in ("solves", "skipped", "iterations", "rows", "fallbacks", "claimed", "verified"):
             values = full["solver_stats"][name].values
             np.testing.assert_array_equal(thin["solver_stats"][name], [values[a:b].sum(axis=0) for a, b in intervals])
         residual = full["solver_stats"]["primal_residual"].values

@@ -28,6 +28,8 @@ ALWAYS = {
             "iterations",
             "rows",
             "fallbacks",
+            "claimed",
+            "verified",
             "solve_time",
             "overhead_time",
             "primal_residual",
@@ -135,7 +137,7 @@ def test_provenance(recorded):
     scene, run, _ = recorded
     attributes = run.attrs
     assert attributes["outcome"] == "complete"
-    assert attributes["Conventions"] == "deli-1"
+    assert attributes["Conventions"] == "deli-2"
     assert scene.name in attributes["title"]
     assert attributes["deli_version"] == deli.__version__
     for key in (
