@@ -14,6 +14,7 @@ from deli.scenes.disc_pile import disc_pile
 from deli.scenes.granular_chain import granular_chain
 from deli.scenes.hard_rods import hard_rods
 from deli.scenes.hard_sphere_gas import hard_sphere_gas
+from deli.scenes.wedge import wedge
 
 __all__ = [
     "available",
@@ -30,4 +31,5 @@ __all__ = [
     "pogo_stick",
     "point_mass",
     "spring_sphere",
+    "wedge",
 ]

@@ -14,7 +14,15 @@ from deli.mechanics.schemes import get_scheme
 from deli.mechanics.symmetry import angular_momentum
 
 SETTINGS = settings(max_examples=25, deadline=None)
-NAMES = ["lennard_jones", "newtons_cradle", "nonlinear_oscillator", "pogo_stick", "point_mass", "spring_sphere"]
+NAMES = [
+    "lennard_jones",
+    "newtons_cradle",
+    "nonlinear_oscillator",
+    "pogo_stick",
+    "point_mass",
+    "spring_sphere",
+    "wedge",
+]
 MANY = ["chain_on_cylinder", "disc_pile", "granular_chain", "hard_rods", "hard_sphere_gas"]
 every_scene = pytest.mark.parametrize("name", NAMES)
 
