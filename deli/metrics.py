@@ -66,6 +66,16 @@ def equality_residual(run: xr.DataTree) -> float:
     return _largest(dataset_of(run, TRAJECTORY)["equality_residual"].values)
 
 
+def contacts(run: xr.DataTree) -> tuple[float, float]:
+    """Mean number of smooth contacts over the recorded steps, and the number of reflected contacts of all steps.
+
+    They tell a contact that lasts from one that bounces; nan and 0 for a run without a step.
+    """
+    trajectory = dataset_of(run, TRAJECTORY)
+    held = trajectory["smooth_contacts"].values[1:]
+    return float(held.mean()) if held.size else np.nan, float(trajectory["reflected_contacts"].values.sum())
+
+
 def trajectory_error(run: xr.DataTree, reference: xr.DataTree) -> float:
     """Largest root mean square over the degrees of freedom of q - q_ref, over the times that both recorded [L].
 
@@ -104,11 +114,13 @@ def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Datase
     xarray.Dataset
         ``energy_drift`` with ``energy_drift_error``; ``energy_low``, ``energy_high`` and their difference
         ``energy_band``; ``momentum_error``, ``angular_momentum_error``; ``violation_worst``, ``violation_mean``;
-        ``complementarity``, ``equality_residual``, ``trajectory_error``; summed over subproblems ``solves``,
-        ``skipped``, ``iterations``, ``fallbacks``, ``claimed_solves`` (the solver says so), ``verified_solves``
-        (recomputed residuals say so), ``solver_time``, ``overhead_time``; ``wall_time``; ``steps``.
+        ``complementarity``, ``equality_residual``, ``trajectory_error``; ``smooth_contacts`` and
+        ``reflected_contacts`` as `contacts` gives them; summed over subproblems ``solves``, ``skipped``,
+        ``iterations``, ``fallbacks``, ``claimed_solves`` (the solver says so), ``verified_solves`` (recomputed
+        residuals say so), ``solver_time``, ``overhead_time``; ``wall_time``; ``steps``.
     """
     slope, low, worst = energy_drift(run), energy_range(run), violation(run)
+    held, struck = contacts(run)
     stats = dataset_of(run, STATS)
     values: dict[str, float] = {
         "energy_drift": slope.slope,
@@ -123,6 +135,8 @@ def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Datase
         "complementarity": complementarity(run),
         "equality_residual": equality_residual(run),
         "trajectory_error": np.nan if reference is None else trajectory_error(run, reference),
+        "smooth_contacts": held,
+        "reflected_contacts": struck,
         **{name: float(stats[recorded].values.sum()) for name, recorded in _SUMS.items()},
         "wall_time": float(run.attrs.get("wall_time", np.nan)),
         "steps": float(steps_taken(run)),
@@ -237,6 +251,8 @@ METRICS = {
     "complementarity": ("1", "largest scaled complementarity residual"),
     "equality_residual": ("L", "largest residual of a bilateral constraint"),
     "trajectory_error": ("L", "largest root mean square distance from the reference"),
+    "smooth_contacts": ("1", "mean number of smooth contacts"),
+    "reflected_contacts": ("1", "contacts reflected, summed over steps"),
     "solves": ("1", "calls of a solver"),
     "skipped": ("1", "subproblems answered without a solver"),
     "iterations": ("1", "iterations of the solvers"),

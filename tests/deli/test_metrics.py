@@ -55,6 +55,13 @@ def test_conserved_momenta_are_kept_and_others_not_asked_for():
     assert np.isnan(found["equality_residual"]) == (not gas["trajectory"]["equality_residual"].notnull().any())
 
 
+def test_a_sliding_mass_is_in_contact_and_a_ball_bounces(ball):
+    sliding = deli.simulate(deli.scenes.spring_sphere(start="smooth"), deli.GVI(), step_size=0.5, steps=40)
+    found, bouncing = metrics.measure(sliding), metrics.measure(ball)
+    assert (found["smooth_contacts"], found["reflected_contacts"]) == (2, 0)
+    assert (bouncing["smooth_contacts"], bouncing["reflected_contacts"]) == (0, 4)
+
+
 def test_claimed_and_verified_solves_are_counted_apart():
     run = deli.simulate(
         deli.scenes.spring_sphere(), deli.GVI(), step_size=0.5, steps=20, solvers={"backend": "daqp", "polish": False}

@@ -1,0 +1,236 @@
+"""Plots that compare the cases of a study, from their metrics; each draws on one Axes, a new one if none is given."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import matplotlib
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.patches import Rectangle
+
+from deli.errors import InputError
+from deli.plotting.figures import STYLE, new_figure
+from deli.plotting.lines import color, draw_line, unit
+from deli.recording.schema import TRAJECTORY, dataset_of
+
+MARKERS = "osD^vPX*"
+COMPLETE = "complete"
+FLOOR = 1e-17  # where zeros are drawn on a logarithmic axis
+
+
+def pareto(data: xr.Dataset, x: str, y: str, by: str | None = None, ax: Axes | None = None) -> Axes:
+    """Draw cases as points and join those that no other case beats in both metrics.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Metrics on the axes of a study, as in ``deli.open_study(DIR)``.
+    x, y : str
+        Metrics, the smaller the better, such as ``solver_time`` and ``energy_band``; magnitudes are drawn.
+    by : str, optional
+        Axis that colours the points.
+    ax : matplotlib.axes.Axes, optional
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    axes = _axes(ax, data, x, y)
+    points = []
+    for index, (label, part) in enumerate(_parts(data, by)):
+        across, up = _finished(part, x, y)
+        axes.plot(across, up, color=color(index), marker=_marker(index), linestyle="none", markersize=4, label=label)
+        points.extend(zip(across, up, strict=True))
+    front = _front(np.array(points).reshape(-1, 2))
+    axes.plot(*front.T, color="0.4", linewidth=0.9, drawstyle="steps-post", zorder=0.5, label="best")
+    return _finish(axes)
+
+
+def work_precision(
+    data: xr.Dataset, cost: str, error: str, along: str, by: str | None = None, ax: Axes | None = None
+) -> Axes:
+    """Draw error against cost, one line for each value of an axis; below and to the left is better.
+
+    Where further axes are left, a line holds the geometric means over them.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Metrics on the axes of a study.
+    cost, error : str
+        Metrics, such as ``wall_time`` or ``solves`` and ``trajectory_error``; magnitudes are drawn.
+    along : str
+        Axis that a line runs along, such as ``step_size``.
+    by : str, optional
+        Axis with one line for each of its values.
+    ax : matplotlib.axes.Axes, optional
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    InputError
+        If an axis or a metric does not exist.
+    """
+    axes = _axes(ax, data, cost, error)
+    _require(data, along)
+    for index, (label, part) in enumerate(_parts(data, by)):
+        others = [str(name) for name in part[error].dims if name != along]
+        values = part[[cost, error]].where(_complete(part))
+        means = np.exp(np.log(np.abs(values).clip(min=FLOOR)).mean(others))
+        axes.plot(
+            means[cost].values,
+            means[error].values,
+            color=color(index),
+            marker=_marker(index),
+            markersize=4,
+            label=label,
+        )
+    return _finish(axes)
+
+
+def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = None) -> Axes:
+    """Draw a metric over two axes of a study, on a logarithmic colour scale; cases that failed are crossed out.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Metrics on the axes of a study; axes other than `x` and `y` have one value, or their worst is drawn.
+    x, y : str
+        Axes.
+    value : str
+        Metric, whose magnitude is drawn.
+    ax : matplotlib.axes.Axes, optional
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    axes = _axes(ax, data, value, value)
+    for name in (x, y):
+        _require(data, name)
+    others = [str(name) for name in data[value].dims if name not in (x, y)]
+    complete = _complete(data)
+    worst = np.abs(data[value]).where(complete).max(others).transpose(y, x).values
+    failed = (~complete).any(others).transpose(y, x).values
+    positive = worst[np.isfinite(worst) & (worst > 0.0)]
+    low, high = (positive.min(), positive.max()) if positive.size else (FLOOR, 1.0)
+    mesh = axes.pcolormesh(
+        np.clip(worst, low, None), cmap="cividis", norm=LogNorm(low, max(high, 10.0 * low)), edgecolors="white"
+    )
+    for row, column in zip(*np.nonzero(failed), strict=True):
+        axes.add_patch(Rectangle((column, row), 1, 1, facecolor="0.88", edgecolor="0.45", hatch="xx", linewidth=0.5))
+    for name, ticks, label in ((x, axes.set_xticks, axes.set_xlabel), (y, axes.set_yticks, axes.set_ylabel)):
+        words = [_word(entry) for entry in data[name].values]
+        ticks(np.arange(len(words)) + 0.5, words)
+        label(name)
+    axes.tick_params(axis="x", labelrotation=45 if data.sizes[x] > 5 else 0)
+    axes.grid(visible=False)
+    axes.figure.colorbar(mesh, ax=axes, label=_label(data, value))
+    axes.set_title("crossed out: failed" if failed.any() else "")
+    return axes
+
+
+def energy_traces(runs: Mapping[str, xr.DataTree], ax: Axes | None = None) -> Axes:
+    """Draw H - H(0) of some runs over time.
+
+    Parameters
+    ----------
+    runs : mapping
+        Runs by the label they get.
+    ax : matplotlib.axes.Axes, optional
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    axes = _new_axes() if ax is None else ax
+    for index, (label, run) in enumerate(runs.items()):
+        trajectory = dataset_of(run, TRAJECTORY)
+        energy = trajectory["hamiltonian"].values
+        draw_line(axes, trajectory["time"].values, energy - energy[0], color(index), label)
+        axes.set_xlabel(f"time{unit(trajectory['time'].attrs['units'])}")
+        axes.set_ylabel(f"H − H(0){unit(trajectory['hamiltonian'].attrs['units'])}")
+    _legend(axes)
+    return axes
+
+
+def _new_axes() -> Axes:
+    with matplotlib.rc_context(STYLE):
+        axes: Axes = new_figure((6.4, 4.4)).subplots()
+    return axes
+
+
+def _axes(ax: Axes | None, data: xr.Dataset, x: str, y: str) -> Axes:
+    for name in (x, y):
+        _require(data, name)
+    axes = _new_axes() if ax is None else ax
+    axes.set_xlabel(_label(data, x))
+    axes.set_ylabel(_label(data, y))
+    return axes
+
+
+def _require(data: xr.Dataset, name: str) -> None:
+    if name not in data.variables:
+        known = ", ".join(str(known) for known in (*data.coords, *data.data_vars))
+        raise InputError(f"the study has no axis or metric {name!r}; it has {known}.")
+
+
+def _label(data: xr.Dataset, name: str) -> str:
+    attributes = data[name].attrs
+    return f"{attributes.get('long_name', name)}{unit(attributes.get('units', '1'))}"
+
+
+def _parts(data: xr.Dataset, by: str | None) -> Iterator[tuple[str | None, xr.Dataset]]:
+    if by is None:
+        yield None, data
+        return
+    _require(data, by)
+    for entry in data[by].values:
+        yield _word(entry), data.sel({by: entry})
+
+
+def _word(entry: Any) -> str:
+    return f"{entry:.4g}" if isinstance(entry, float | np.floating) else str(entry)
+
+
+def _complete(data: xr.Dataset) -> xr.DataArray:
+    return data["outcome"] == COMPLETE
+
+
+def _finished(data: xr.Dataset, x: str, y: str) -> tuple[np.ndarray, np.ndarray]:
+    """Magnitudes of two metrics of the cases that finished, zeros lifted to where a logarithmic axis shows them."""
+    arrays = xr.broadcast(np.abs(data[x]), np.abs(data[y]), _complete(data))
+    across, up, complete = (array.values.ravel() for array in arrays)
+    known = complete & np.isfinite(across) & np.isfinite(up)
+    return np.maximum(across[known], FLOOR), np.maximum(up[known], FLOOR)
+
+
+def _front(points: np.ndarray) -> np.ndarray:
+    """The points that no other one beats in both coordinates, from left to right."""
+    ordered = points[np.lexsort((points[:, 1], points[:, 0]))]
+    best = np.minimum.accumulate(ordered[:, 1]) if len(ordered) else ordered[:, 1]
+    first = np.diff(best, prepend=np.inf) < 0.0
+    front: np.ndarray = ordered[first]
+    return front
+
+
+def _marker(index: int) -> str:
+    return MARKERS[index % len(MARKERS)]
+
+
+def _finish(axes: Axes) -> Axes:
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    _legend(axes)
+    return axes
+
+
+def _legend(axes: Axes) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        axes.legend(handles, labels, loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, markerscale=1.2)
