@@ -38,7 +38,7 @@ def pareto(data: xr.Dataset, x: str, y: str, by: str | None = None, ax: Axes | N
     matplotlib.axes.Axes
     """
     axes = _axes(ax, data, x, y)
-    points = []
+    points: list[tuple[float, float]] = []
     for index, (label, part) in enumerate(_parts(data, by)):
         across, up = _finished(part, x, y)
         axes.plot(across, up, color=color(index), marker=_marker(index), linestyle="none", markersize=4, label=label)
@@ -115,7 +115,7 @@ def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = Non
         _require(data, name)
     others = [str(name) for name in data[value].dims if name not in (x, y)]
     complete = _complete(data)
-    worst = np.abs(data[value]).where(complete).max(others).transpose(y, x).values
+    worst = abs(data[value]).where(complete).max(others).transpose(y, x).values
     failed = (~complete).any(others).transpose(y, x).values
     positive = worst[np.isfinite(worst) & (worst > 0.0)]
     low, high = (positive.min(), positive.max()) if positive.size else (FLOOR, 1.0)
@@ -204,7 +204,7 @@ def _complete(data: xr.Dataset) -> xr.DataArray:
 
 def _finished(data: xr.Dataset, x: str, y: str) -> tuple[np.ndarray, np.ndarray]:
     """Magnitudes of two metrics of the cases that finished, zeros lifted to where a logarithmic axis shows them."""
-    arrays = xr.broadcast(np.abs(data[x]), np.abs(data[y]), _complete(data))
+    arrays = xr.broadcast(abs(data[x]), abs(data[y]), _complete(data))
     across, up, complete = (array.values.ravel() for array in arrays)
     known = complete & np.isfinite(across) & np.isfinite(up)
     return np.maximum(across[known], FLOOR), np.maximum(up[known], FLOOR)
