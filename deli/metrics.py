@@ -117,7 +117,7 @@ def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Datase
         ``complementarity``, ``equality_residual``, ``trajectory_error``; ``smooth_contacts`` and
         ``reflected_contacts`` as `contacts` gives them; summed over subproblems ``solves``, ``skipped``,
         ``iterations``, ``fallbacks``, ``claimed_solves`` (the solver says so), ``verified_solves`` (recomputed
-        residuals say so), ``solver_time``, ``overhead_time``; ``wall_time``; ``steps``.
+        residuals say so), ``solver_time``, ``overhead_time``; ``wall_time``; ``steps``, ``simulated_time``.
     """
     slope, low, worst = energy_drift(run), energy_range(run), violation(run)
     held, struck = contacts(run)
@@ -140,6 +140,7 @@ def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Datase
         **{name: float(stats[recorded].values.sum()) for name, recorded in _SUMS.items()},
         "wall_time": float(run.attrs.get("wall_time", np.nan)),
         "steps": float(steps_taken(run)),
+        "simulated_time": float(dataset_of(run, TRAJECTORY)["time"].values[-1]),
     }
     return xr.Dataset(
         {
@@ -263,5 +264,6 @@ METRICS = {
     "overhead_time": ("s", "time to hand problems to solvers and check their answers"),
     "wall_time": ("s", "wall time of the run"),
     "steps": ("1", "integration steps"),
+    "simulated_time": ("T", "time that the run got to"),
 }
 """Units and long name of each metric that `measure` returns."""

@@ -94,7 +94,7 @@ def work_precision(
 
 
 def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = None) -> Axes:
-    """Draw a metric over two axes of a study, on a logarithmic colour scale; cases that failed are crossed out.
+    """Draw a metric over two axes of a study, on a logarithmic colour scale; where a case failed is crossed out.
 
     Parameters
     ----------
@@ -131,7 +131,6 @@ def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = Non
     axes.tick_params(axis="x", labelrotation=45 if data.sizes[x] > 5 else 0)
     axes.grid(visible=False)
     axes.figure.colorbar(mesh, ax=axes, label=_label(data, value))
-    axes.set_title("crossed out: failed" if failed.any() else "")
     return axes
 
 

@@ -1,0 +1,184 @@
+"""What a study's metrics say, in sentences computed from them."""
+
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+COMPLETE, SCENE = "complete", "scene"
+SAME = 1.05  # cases within five per cent of each other count as equal
+LOST = 0.99  # of the smooth contacts at the tightest tolerance, below which a contact counts as lost
+CERTAIN = 4.0  # standard errors from which on a drift is told
+LAW = 0.98  # squared correlation of logarithms from which on a power law is named
+WIDE = 0.1  # part of the energy band that a drift must make up to matter
+
+
+def findings(metrics: xr.Dataset) -> list[str]:
+    """Sentences about outcomes, time, energy, contacts and solvers of a study.
+
+    Comparisons along an axis are over matched cases: those that differ in nothing else, and of which all are complete.
+    Scenes are not compared with each other.
+
+    Parameters
+    ----------
+    metrics : xarray.Dataset
+        Metrics and ``outcome`` on the axes of the study.
+
+    Returns
+    -------
+    list of str
+    """
+    told = [*_outcomes(metrics)]
+    axes = [str(name) for name in metrics["outcome"].dims if metrics.sizes[name] > 1 and name != SCENE]
+    for axis in axes:
+        told += _times(metrics, axis)
+    for axis in axes:
+        told += _bands(metrics, axis)
+    for axis in axes:
+        told += _contacts(metrics, axis)
+    return [*told, *_drifts(metrics), *_violations(metrics), *_claims(metrics)]
+
+
+def _outcomes(metrics: xr.Dataset) -> Iterator[str]:
+    outcomes = [str(outcome) for outcome in metrics["outcome"].values.ravel() if str(outcome)]
+    complete = outcomes.count(COMPLETE)
+    if complete == len(outcomes):
+        yield f"All {complete:,} cases ended."
+        return
+    kinds = Counter(_kind(outcome) for outcome in outcomes if outcome != COMPLETE)
+    reasons = "; ".join(f"{count:,} times {kind}" for kind, count in kinds.most_common(5))
+    yield f"{complete:,} of {len(outcomes):,} cases ended; others: {reasons}."
+
+
+def _kind(outcome: str) -> str:
+    """The cause within an outcome, without the step and the numbers of one case."""
+    cause = outcome.split("): ", 1)[-1]
+    return cause.split(";")[0][:90]
+
+
+def _times(metrics: xr.Dataset, axis: str) -> Iterator[str]:
+    means = _geometric(metrics, "wall_time", axis)
+    if len(means) < 2:
+        return
+    (first, least), *others = sorted(means.items(), key=lambda entry: entry[1])
+    if others[-1][1] / least < SAME:
+        yield f"Time does not depend on {axis} (within {100 * (SAME - 1):.0f} %)."
+        return
+    told = ", ".join(f"{label} {mean / least:.3g}" for label, mean in others)
+    yield f"Along {axis}, {first} takes the least time; times as much: {told}."
+
+
+def _bands(metrics: xr.Dataset, axis: str) -> Iterator[str]:
+    band = _matched(metrics, "energy_band", axis)
+    if band is None:
+        return
+    positive = band.where(band > 0.0)
+    ratio = float((positive.max(axis) / positive.min(axis)).max())
+    if not ratio > 0.0:
+        return
+    if ratio < SAME:
+        yield f"The energy band does not depend on {axis} (within {100 * (SAME - 1):.0f} % in all matched cases)."
+        return
+    means = _geometric(metrics, "energy_band", axis)
+    told = ", ".join(f"{label} {mean:.2e}" for label, mean in means.items())
+    order = _order(metrics[axis].values, np.array(list(means.values())))
+    law = "" if order is None else f", about {axis}^{order:.2g}"
+    yield f"Energy band by {axis} (geometric mean): {told}{law}."
+
+
+def _contacts(metrics: xr.Dataset, axis: str) -> Iterator[str]:
+    """Where a loose tolerance loses contacts that a tight one keeps."""
+    values = metrics[axis].values
+    if "tolerance" not in axis or not np.issubdtype(values.dtype, np.number):
+        return
+    held = _matched(metrics, "smooth_contacts", axis)
+    if held is None:
+        return
+    tight = held.sel({axis: values.min()})
+    lost = (held < LOST * tight) & (tight > 0.0)
+    places = lost.stack(case=list(lost.dims))
+    found = [dict(zip(lost.dims, label, strict=True)) for label in places["case"].values[places.values]]
+    if not found:
+        yield f"No contact is lost along {axis}, up to {values.max():.0e}."
+        return
+    worst: dict[str, float] = {}
+    for place in found:
+        value = place.pop(axis)
+        where = ", ".join(f"{name} = {label}" for name, label in place.items()) or "everywhere"
+        worst[where] = min(worst.get(where, np.inf), value)
+    told = "; ".join(f"from {value:.0e} on with {where}" for where, value in worst.items())
+    yield f"Contacts are lost along {axis}: {told}."
+
+
+def _drifts(metrics: xr.Dataset) -> Iterator[str]:
+    complete = metrics["outcome"] == COMPLETE
+    drift, error = metrics["energy_drift"], metrics["energy_drift_error"]
+    known = complete & drift.notnull()
+    if not known.any():
+        return
+    over = abs(drift) * metrics["simulated_time"]
+    seen = known & (abs(drift) > CERTAIN * error) & (over > WIDE * metrics["energy_band"])
+    count, of = int(seen.sum()), int(known.sum())
+    if not count:
+        yield f"Energy drifts in none of {of:,} cases (beyond {CERTAIN:.0f} standard errors and a tenth of its band)."
+        return
+    where = over.where(seen).argmax(...)
+    place = ", ".join(f"{name} = {metrics[name].values[int(index)]}" for name, index in where.items())
+    yield f"Energy drifts in {count:,} of {of:,} cases; most with {place}: {float(drift[where]):+.1e} a unit of time."
+
+
+def _violations(metrics: xr.Dataset) -> Iterator[str]:
+    worst = metrics["violation_worst"].where(metrics["outcome"] == COMPLETE)
+    if not worst.notnull().any():
+        return
+    place = worst.argmax(...)
+    label = ", ".join(f"{name} = {metrics[name].values[int(index)]}" for name, index in place.items())
+    yield f"The worst violation is {float(worst[place]):.1e}, with {label}."
+
+
+def _claims(metrics: xr.Dataset) -> Iterator[str]:
+    claimed, verified = metrics["claimed_solves"].fillna(0), metrics["verified_solves"].fillna(0)
+    total = int(metrics["solves"].sum())
+    false = int((claimed - verified).clip(min=0).sum())
+    unclaimed = int((verified - claimed).clip(min=0).sum())
+    if total:
+        yield (
+            f"Of {total:,} solves {int(verified.sum()):,} were verified to their tolerance; {false:,} were claimed and "
+            f"do not hold, {unclaimed:,} hold and were not claimed."
+        )
+
+
+def _matched(metrics: xr.Dataset, name: str, axis: str) -> xr.DataArray | None:
+    """The metric where all cases along an axis are complete, as an array with the other axes; None without any."""
+    complete = (metrics["outcome"] == COMPLETE).all(axis)
+    values = metrics[name].where(complete)
+    return values if values.notnull().any() else None
+
+
+def _geometric(metrics: xr.Dataset, name: str, axis: str) -> dict[str, float]:
+    """Geometric mean of a metric over matched cases by label along an axis."""
+    values = _matched(metrics, name, axis)
+    if values is None:
+        return {}
+    positive = values.where((values > 0.0).all(axis))
+    others = [str(other) for other in values.dims if other != axis]
+    means = xr.DataArray(np.log(positive)).mean(others)
+    return {
+        _word(label): float(np.exp(mean))
+        for label, mean in zip(metrics[axis].values, means.values, strict=True)
+        if np.isfinite(mean)
+    }
+
+
+def _order(labels: np.ndarray, means: np.ndarray) -> float | None:
+    """Exponent of the power law that the means follow along a numeric axis, None where they follow none."""
+    if not np.issubdtype(labels.dtype, np.number) or len(labels) < 3 or len(means) < len(labels) or labels.min() <= 0:
+        return None
+    x, y = np.log(labels), np.log(means)
+    slope, _ = np.polyfit(x, y, 1)
+    return float(slope) if np.corrcoef(x, y)[0, 1] ** 2 > LAW else None
+
+
+def _word(label: object) -> str:
+    return f"{label:.4g}" if isinstance(label, float | np.floating) else str(label)
