@@ -1,0 +1,65 @@
+"""Sentences about a study are those that its numbers allow."""
+
+import pytest
+from study_data import made_up
+
+from deli.studies.findings import findings
+
+ONE = {"solver": "slow", "step_size": 0.1, "tolerance": 1e-3}
+
+
+def test_what_a_clean_study_says():
+    told = findings(made_up())
+    assert told == [
+        "All 24 cases ended.",
+        "Along solver, quick takes the least time; times as much: slow 3.",
+        "Along step_size, 0.2 takes the least time; times as much: 0.1 2, 0.05 4, 0.025 8.",
+        "Time does not depend on tolerance (within 5 %).",
+        "The energy band does not depend on solver (within 5 % in all matched cases).",
+        "Energy band by step_size (geometric mean): 0.2 8.00e-02, 0.1 2.00e-02, 0.05 5.00e-03, 0.025 1.25e-03, "
+        "about step_size^2.",
+        "The energy band does not depend on tolerance (within 5 % in all matched cases).",
+        "No contact is lost along tolerance, up to 1e-03.",
+        "Energy drifts in none of 24 cases (beyond 4 standard errors and a tenth of its band).",
+        "The worst violation is 1.0e-12, with solver = quick, step_size = 0.2, tolerance = 0.001.",
+        "Of 240 solves 240 were verified to their tolerance; 0 were claimed and do not hold, 0 hold and were not claimed.",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        (
+            {"outcome": (ONE, "failed in step 7 (from time 0.7): position: 3 rows did not converge; use daqp")},
+            "23 of 24 cases ended; others: 1 times position: 3 rows did not converge.",
+        ),
+        (
+            {"smooth_contacts": (ONE, 1.9)},
+            "Contacts are lost along tolerance: from 1e-03 on with solver = slow, step_size = 0.1.",
+        ),
+        (
+            {"energy_drift": (ONE, 1e-3)},
+            "Energy drifts in 1 of 24 cases; most with solver = slow, step_size = 0.1, tolerance = 0.001: +1.0e-03 a unit "
+            "of time.",
+        ),
+        (
+            {"verified_solves": (ONE, 4.0)},
+            "Of 240 solves 234 were verified to their tolerance; 6 were claimed and do not hold, 0 hold and were not "
+            "claimed.",
+        ),
+        (
+            {"violation_worst": (ONE, 0.25)},
+            "The worst violation is 2.5e-01, with solver = slow, step_size = 0.1, tolerance = 0.001.",
+        ),
+    ],
+    ids=["failure", "contact lost", "drift", "claim", "violation"],
+)
+def test_what_one_case_changes(changes, sentence):
+    assert sentence in findings(made_up(**changes))
+
+
+def test_failed_cases_are_left_out_of_comparisons():
+    spoiled = made_up(outcome=(ONE, "failed"), wall_time=(ONE, 1e9), energy_band=(ONE, 1e9))
+    told = findings(spoiled)
+    assert "Along solver, quick takes the least time; times as much: slow 3." in told
+    assert not any("e+09" in sentence for sentence in told)
