@@ -22,7 +22,8 @@ def test_what_a_clean_study_says():
         "No contact is lost along tolerance, up to 1e-03.",
         "Energy drifts in none of 24 cases (beyond 4 standard errors and a tenth of its band).",
         "The worst violation is 1.0e-12, with solver = quick, step_size = 0.2, tolerance = 0.001.",
-        "Of 240 solves 240 were verified to their tolerance; 0 were claimed and do not hold, 0 hold and were not claimed.",
+        "Of 240 solves 240 were verified to their tolerance; 0 were claimed and do not hold, 0 hold and were not "
+        "claimed.",
     ]
 
 
@@ -39,8 +40,8 @@ def test_what_a_clean_study_says():
         ),
         (
             {"energy_drift": (ONE, 1e-3)},
-            "Energy drifts in 1 of 24 cases; most with solver = slow, step_size = 0.1, tolerance = 0.001: +1.0e-03 a unit "
-            "of time.",
+            "Energy drifts in 1 of 24 cases; most with solver = slow, step_size = 0.1, tolerance = 0.001: +1.0e-03 a "
+            "unit of time.",
         ),
         (
             {"verified_solves": (ONE, 4.0)},
