@@ -1,6 +1,5 @@
-"""What the README and the first notebook tell a reader to type works as written."""
+"""What the README tells a reader to type works as written."""
 
-import json
 import re
 from pathlib import Path
 
@@ -23,14 +22,6 @@ def test_the_readme_s_python_runs_in_order(tmp_path, monkeypatch):
     assert len(blocks) >= 5
     run_code(blocks)
     assert (tmp_path / "cradle.nc").exists()
-    plt.close("all")
-
-
-def test_the_notebook_runs(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    notebook = json.loads((ROOT / "studies/notebooks/first_run.ipynb").read_text())
-    cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
-    run_code(["\n".join(cells)])
     plt.close("all")
 
 
