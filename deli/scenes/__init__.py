@@ -14,6 +14,7 @@ from deli.scenes.disc_pile import disc_pile
 from deli.scenes.granular_chain import granular_chain
 from deli.scenes.hard_rods import hard_rods
 from deli.scenes.hard_sphere_gas import hard_sphere_gas
+from deli.scenes.quartic_wall import quartic_wall
 from deli.scenes.wedge import wedge
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "nonlinear_oscillator",
     "pogo_stick",
     "point_mass",
+    "quartic_wall",
     "spring_sphere",
     "wedge",
 ]

@@ -20,6 +20,7 @@ NAMES = [
     "nonlinear_oscillator",
     "pogo_stick",
     "point_mass",
+    "quartic_wall",
     "spring_sphere",
     "wedge",
 ]
@@ -128,6 +129,8 @@ def test_defaults_in_numbers(name, step_size, duration, scheme):
         (scenes.spring_sphere(), 6.0),
         (scenes.spring_sphere(start="mixed"), 1.0 + 50.0 / 17.0 + 2.0 + 0.5 * (math.sqrt(10.0) - math.sqrt(8.0)) ** 2),
         (scenes.nonlinear_oscillator(), 1.0 + 2.0 * 1.4**2 * (1.4**2 - 1.0) ** 2),
+        (scenes.quartic_wall(), 0.25),
+        (scenes.quartic_wall(mass=2.0, stiffness=3.0, position=2.0, momentum=1.0), 0.25 + 12.0),
         (scenes.newtons_cradle(), -9.8 * (3.0 + 2.0 * math.cos(math.pi / 5.0))),
     ],
     ids=lambda value: getattr(value, "name", None),
@@ -147,6 +150,14 @@ def test_pogo_stick_energy_is_the_paper_s(top, bottom):
     scene = scenes.pogo_stick(position=[top, bottom], momentum=[1.0, -2.0])
     assert energy(scene) == pytest.approx(2.5 + 9.8 * (top + bottom) + 5.0 * (abs(top - bottom) - 5.0) ** 2, rel=1e-13)
     np.testing.assert_array_equal(scene.unilateral.value(scene.position), [bottom])
+
+
+def test_the_wall_of_quartic_wall_can_be_moved():
+    np.testing.assert_array_equal(scenes.quartic_wall().unilateral.value(np.array([0.5])), [0.5])
+    scene = scenes.quartic_wall(wall=-2.0)
+    np.testing.assert_array_equal(scene.unilateral.value(np.array([0.5])), [2.5])
+    with pytest.raises(InputError, match="quartic_wall"):
+        scenes.quartic_wall(stiffness="hard")
 
 
 @pytest.mark.parametrize(

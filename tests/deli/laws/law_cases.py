@@ -65,6 +65,7 @@ def crowded_chain() -> deli.Scene:
 
 CASES = [
     Case("point_mass", deli.scenes.point_mass, 0.02, 60),
+    Case("quartic_wall", deli.scenes.quartic_wall, 0.1, 60),
     Case("pogo_stick", deli.scenes.pogo_stick, 0.05, 60, "verlet"),
     Case("spring_sphere_smooth", lambda: deli.scenes.spring_sphere(start="smooth"), 0.5, 60),
     Case("spring_sphere_mixed", lambda: deli.scenes.spring_sphere(start="mixed"), 0.25, 60),
