@@ -1,4 +1,4 @@
-"""Motions that are known in closed form, to draw beside integrated ones."""
+"""Motions that are known in closed form, to draw beside integrated ones or to measure them by."""
 
 from collections.abc import Callable
 
@@ -16,8 +16,7 @@ def bouncing_ball(scene: Scene, time: np.ndarray) -> np.ndarray:
     InputError
         If the scene is another.
     """
-    if scene.name != "point_mass":
-        raise InputError(f"solution 'bouncing_ball' is that of scene point_mass; found {scene.name}.")
+    _check(scene, "bouncing_ball", "point_mass")
     gravity = scene.parameters["gravity"]
     height, speed = scene.position.item(), (scene.momentum / scene.mass).item()
     impact = np.sqrt(speed**2 + 2.0 * gravity * height)
@@ -26,5 +25,42 @@ def bouncing_ball(scene: Scene, time: np.ndarray) -> np.ndarray:
     return solution
 
 
-SOLUTIONS: dict[str, Callable[[Scene, np.ndarray], np.ndarray]] = {"bouncing_ball": bouncing_ball}
+def passing_points(scene: Scene, time: np.ndarray) -> np.ndarray:
+    """Return the positions of `hard_rods` over time, shape (time, rods): free points in their order (Jepsen 1965).
+
+    With y_i = q_i − (i + ½) size the rods are points on a line of the free length; where two meet they exchange
+    velocities, and pass through each other but for their names. Positions are therefore sorted, while the velocity of a
+    single rod is known only away from impacts.
+
+    Raises
+    ------
+    InputError
+        If the scene is another.
+    """
+    _check(scene, "passing_points", "hard_rods")
+    size, rods = scene.parameters["size"], scene.bodies
+    free = rods * size / scene.parameters["filled"] - rods * size
+    shift = size * (np.arange(rods) + 0.5)
+    points = scene.position - shift + np.multiply.outer(time, scene.momentum / scene.mass)
+    if scene.parameters["boundary"] == "walls":
+        folded = np.mod(points, 2.0 * free)
+        inside: np.ndarray = np.sort(np.minimum(folded, 2.0 * free - folded), axis=1)
+        return inside + shift
+    turns = np.floor(points / free)
+    places = np.sort(points - turns * free, axis=1)
+    # Ranks on the unrolled ring move on by one for each point that passes the origin.
+    rank = np.arange(rods) + turns.sum(axis=1, keepdims=True).astype(int)
+    around: np.ndarray = np.take_along_axis(places, rank % rods, axis=1) + free * (rank // rods)
+    return around + shift
+
+
+def _check(scene: Scene, solution: str, of: str) -> None:
+    if scene.name != of:
+        raise InputError(f"solution '{solution}' is that of scene {of}; found {scene.name}.")
+
+
+SOLUTIONS: dict[str, Callable[[Scene, np.ndarray], np.ndarray]] = {
+    "bouncing_ball": bouncing_ball,
+    "passing_points": passing_points,
+}
 """Closed forms by the name they have in a figure's config."""

@@ -36,6 +36,12 @@ def _point_mass(units: Units) -> deli.Scene:
     )
 
 
+def _quartic_wall(units: Units) -> deli.Scene:
+    return deli.scenes.quartic_wall(
+        mass=units.mass, stiffness=units.energy / units.length**4, position=units.length, momentum=0.0
+    )
+
+
 def _pogo_stick(units: Units) -> deli.Scene:
     return deli.scenes.pogo_stick(
         mass=units.mass,
@@ -109,6 +115,7 @@ def _discs(units: Units) -> deli.Scene:
 
 IN_UNITS: dict[str, Callable[[Units], deli.Scene]] = {
     "point_mass": _point_mass,
+    "quartic_wall": _quartic_wall,
     "pogo_stick": _pogo_stick,
     "spring_sphere_smooth": _spring_sphere("smooth"),
     "spring_sphere_mixed": _spring_sphere("mixed"),
