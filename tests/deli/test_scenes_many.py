@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 
 from deli import InputError, Scene, scenes
+from deli.figures.exact import passing_points
 from deli.mechanics.schemes import get_scheme
 from deli.mechanics.symmetry import linear_momentum
 from deli.mechanics.tables import PAIR, table_values
@@ -23,32 +24,6 @@ every_scene = pytest.mark.parametrize("name", NAMES)
 
 SECONDS = 20.0
 """Generous: a few seconds are used."""
-
-
-def exact_state(scene, t):
-    """Positions and velocities of hard_rods at time t: free points that keep their order as rods (Jepsen)."""
-    n, size, ring = scene.bodies, scene.parameters["size"], scene.parameters["boundary"] == "ring"
-    length = n * size / scene.parameters["filled"] - n * size
-    shift = size * (np.arange(n) + 0.5)
-    velocity = scene.momentum / scene.mass
-    points = scene.position - shift + t * velocity
-    if ring:
-        turns = np.floor(points / length)
-        place = points - turns * length
-        order = np.argsort(place)
-        # ranks on the unrolled ring move on by one for each point that passes the origin
-        rank = np.arange(n) + int(turns.sum())
-        return place[order][rank % n] + length * (rank // n) + shift, velocity[order][rank % n]
-    place = np.mod(points, 2.0 * length)
-    back = place > length
-    place, velocity = np.where(back, 2.0 * length - place, place), np.where(back, -velocity, velocity)
-    order = np.argsort(place)
-    return place[order] + shift, velocity[order]
-
-
-def exact_velocities(scene, t):
-    """The multiset of velocities of hard_rods at time t, in ascending order."""
-    return np.sort(exact_state(scene, t)[1])
 
 
 def from_event_to_event(scene, t):
@@ -142,12 +117,18 @@ def test_defaults_run_a_whole_number_of_steps(name):
 )
 def test_exact_hard_rods_are_those_from_event_to_event(rods, boundary, filled, size, seed, t):
     scene = scenes.hard_rods(rods=rods, boundary=boundary, filled=filled, size=size, seed=seed)
-    position = exact_state(scene, t)[0]
-    expected, speeds = from_event_to_event(scene, t)
+    start, position = passing_points(scene, np.array([0.0, t]))
+    expected, velocities = from_event_to_event(scene, t)
+    kept = np.abs if boundary == "walls" else np.asarray
     np.testing.assert_allclose(position, expected, atol=1e-10)
-    np.testing.assert_allclose(exact_velocities(scene, t), np.sort(speeds), atol=1e-12)
+    np.testing.assert_allclose(np.sort(kept(velocities)), np.sort(kept(scene.momentum / scene.mass)), atol=1e-12)
     assert scene.unilateral.value(position).min() >= -1e-12
-    np.testing.assert_allclose(exact_state(scene, 0.0)[0], scene.position, atol=1e-13)
+    np.testing.assert_allclose(start, scene.position, atol=1e-13)
+
+
+def test_points_do_not_pass_in_another_scene():
+    with pytest.raises(InputError, match="'passing_points' is that of scene hard_rods; found point_mass"):
+        passing_points(scenes.point_mass(), np.zeros(1))
 
 
 @pytest.mark.parametrize("boundary", ["walls", "ring"])
