@@ -10,6 +10,7 @@ import tomli_w
 import xarray as xr
 
 from deli.errors import InputError
+from deli.figures.cradle import check_cradle
 from deli.figures.drawing import draw
 from deli.figures.exact import SOLUTIONS
 from deli.figures.model import FigureConfig
@@ -71,6 +72,8 @@ class Maker:
             solution = figure.table.runs[run].solution
             if solution is not None:
                 SOLUTIONS[solution](plan.scene, np.zeros(1))
+            if "swinging_share" in _shown(figure, run):
+                check_cradle(plan.scene)
             flat = "angular_momentum" in _shown(figure, run) or figure.table.view is not None
             if flat and plan.scene.dimension == 1:
                 raise InputError(
@@ -121,7 +124,7 @@ class Maker:
         for run, plan in self.plans(figure).items():
             drawn = figure.table.runs[run]
             trajectory = self._trajectory(plan) if drawn.solution is None else _evaluated(plan, drawn.solution)
-            group = extract(trajectory, _shown(figure, run))
+            group = extract(plan.scene, trajectory, _shown(figure, run))
             if figure.table.view is not None and figure.table.view.times is not None:
                 group = group.isel(time=_rows_at(group["time"].values, figure.table.view.times))
             group.attrs = {"label": drawn.label} | trajectory.attrs

@@ -18,7 +18,7 @@ from deli.recording.provenance import flatten
 CONFIGS = Path(__file__).parent / "configs"
 """The paper's figures: a link to ``studies/paper`` in a checkout, the files themselves in an installed package."""
 
-Quantity = Literal["position", "radius", "energy", "energy_change", "angular_momentum"]
+Quantity = Literal["position", "radius", "energy", "energy_change", "angular_momentum", "swinging_share"]
 Color = Literal["blue", "red", "green", "purple", "orange", "black"]
 Style = Literal["solid", "dashed", "dotted"]
 

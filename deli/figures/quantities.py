@@ -6,7 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-Values = Callable[[xr.Dataset], xr.Variable]
+from deli.figures.cradle import clean_swings, swinging_share
+from deli.mechanics.scene import Scene
+
+Values = Callable[[Scene, xr.Dataset], xr.Variable]
 
 
 @dataclass(frozen=True)
@@ -19,18 +22,23 @@ class Quantity:
 
 
 def _recorded(name: str) -> Values:
-    return lambda trajectory: trajectory[name].variable
+    return lambda scene, trajectory: trajectory[name].variable
 
 
-def _energy_change(trajectory: xr.Dataset) -> xr.Variable:
+def _energy_change(scene: Scene, trajectory: xr.Dataset) -> xr.Variable:
     energy = trajectory["hamiltonian"].variable
     return xr.Variable("time", energy.values - energy.values[0], energy.attrs)
 
 
-def _radius(trajectory: xr.Dataset) -> xr.Variable:
+def _radius(scene: Scene, trajectory: xr.Dataset) -> xr.Variable:
     position = trajectory["position"].variable
     bodies = position.values.reshape(len(position), -1, trajectory.sizes["axis"])
     return xr.Variable(("time", "body"), np.linalg.norm(bodies, axis=-1), position.attrs)
+
+
+def _swinging_share(scene: Scene, trajectory: xr.Dataset) -> xr.Variable:
+    attributes = {"units": "1", "clean_swings": clean_swings(scene, trajectory)}
+    return xr.Variable("time", swinging_share(scene, trajectory), attributes)
 
 
 QUANTITIES = {
@@ -39,16 +47,16 @@ QUANTITIES = {
     "energy": Quantity("H", "energy", _recorded("hamiltonian")),
     "energy_change": Quantity("H - H(0)", "change of energy", _energy_change),
     "angular_momentum": Quantity("L", "angular momentum", _recorded("angular_momentum")),
+    "swinging_share": Quantity("s", "energy in the swinging balls", _swinging_share),
 }
 
 
-def extract(trajectory: xr.Dataset, names: list[str]) -> xr.Dataset:
-    """Return a dataset of the named quantities along ``time``."""
+def extract(scene: Scene, trajectory: xr.Dataset, names: list[str]) -> xr.Dataset:
+    """Return a dataset of the named quantities of a scene's run along ``time``."""
     variables = {}
     for name in names:
         quantity = QUANTITIES[name]
-        values = quantity.values(trajectory)
-        variables[name] = xr.Variable(
-            values.dims, values.values, {"units": values.attrs["units"], "long_name": quantity.long_name}
-        )
+        values = quantity.values(scene, trajectory)
+        kept = {key: values.attrs[key] for key in ("units", "clean_swings") if key in values.attrs}
+        variables[name] = xr.Variable(values.dims, values.values, kept | {"long_name": quantity.long_name})
     return xr.Dataset(variables, coords={"time": trajectory["time"].variable})

@@ -165,6 +165,24 @@ class TestFigures:
             assert data["exact"]["radius"].dims == ("time", "body")
             assert data["exact"]["energy_change"][0] == 0.0
 
+    def test_swings_of_the_cradle(self, small):
+        arguments = small(
+            ('["position"]', '["swinging_share"]'),
+            ('"point_mass"', '"newtons_cradle"'),
+            ('solution = "bouncing_ball"', ""),
+        )
+        assert call(*arguments).exit_code == DONE
+        with xr.open_datatree("made/ball.nc") as data:
+            share = data["gvi"]["swinging_share"]
+            assert share[0] == 1.0
+            assert share.attrs["clean_swings"] == 2  # at the start, and half a period later; the third is not reached
+            assert 0.99 < share.median() <= share.max() <= 1.0
+            assert 0.4 < share.min() < 0.6  # while a blow is handed on
+
+    def test_swings_are_the_cradle_s(self, small, folder):
+        arguments = small(('["position"]', '["swinging_share"]'), ('solution = "bouncing_ball"', ""))
+        refused(call(*arguments), "swings are those of scene newtons_cradle", "found point_mass")
+
     def test_the_list(self):
         result = call("figures", "--list")
         assert result.exit_code == DONE

@@ -1,4 +1,4 @@
-"""Impacts without end: a wall under a quartic potential, and rods whose motion is known; as in ``studies/walls``."""
+"""Impacts without end, as in ``studies/repeated_impacts``: a wall under q⁴/4, and rods whose motion is known."""
 
 import functools
 

@@ -1,6 +1,6 @@
 """Compare what methods make of impacts without end: a wall under a quartic potential, and rods on a line.
 
-    python studies/walls/compare.py [quartic_wall] [hard_rods] [--steps N] [--method NAME ...] [-o walls.csv]
+    python studies/repeated_impacts/compare.py [PROBLEM ...] [--steps N] [--method NAME ...] [-o impacts.csv]
 
 quartic_wall: V = q^4/4 and a wall at 0, from rest at q = 1, h = .05
 
