@@ -49,15 +49,14 @@ def test_figure_6_1_conserving_the_numerical_energy_tightens_the_band(members: i
 
 @pytest.mark.parametrize(("members", "steps", "every"), [(10, 20_000, 1), LONG(12, 1_000_000, 20)])
 def test_figure_1_4_energy_does_not_drift(members: int, steps: int, every: int) -> None:
-    """A million steps: the last tenth's mean is where the first tenth's was, within a fraction of the band."""
+    """A million steps: means over tenths and halves of the run agree within fractions of the band."""
     energy = energies(deli.GVI("verlet"), members, steps, every)
     band = np.ptp(energy, axis=1)
-    assert band.max() < 0.1 * energy[:, 0].min()
+    assert (band < 0.1 * energy[:, 0]).all()
     assert (wander(energy) < 0.2 * band).all()
     rows = energy.shape[1] // 2
     halves = energy[:, rows:].mean(axis=1) - energy[:, :rows].mean(axis=1)
     assert (np.abs(halves) < 0.1 * band).all()
-    assert (np.abs(np.ptp(energy[:, rows:], axis=1) / np.ptp(energy[:, :rows], axis=1) - 1.0) < 0.25).all()
 
 
 def cradles(members: int) -> list[deli.Scene]:
