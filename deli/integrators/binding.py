@@ -20,6 +20,7 @@ NATIVE = ("native", "auto")
 _APART = 128  # bytes around what a stepper writes to, which processors keep from others that write nearby
 _FARTHEST = 0.5  # of a pair's distance: gaps searched beyond it cost more than searching again
 _STEPS = 12  # steps that the fastest bodies take before neighbours are searched again
+_NONE = np.zeros((0, 0))
 _LARGEST_NEWTON = 300  # degrees of freedom beyond which a dense factor costs more than the iterations it saves
 
 
@@ -90,6 +91,7 @@ def bind_method(
     share: float = 1.0,
     place: float = 1.0,
     rows: int = FROZEN,
+    recurrence: np.ndarray = _NONE,
     restitution: float = 0.0,
     reflects: bool = False,
     operator: str = "generalized",
@@ -123,6 +125,7 @@ def bind_method(
         share=share,
         place=place,
         rows=rows,
+        recurrence=recurrence,
         restitution=restitution,
         stiffness=share * (0.5 * middle + end),
         implicit=middle != 0.0 or end != 0.0,
@@ -142,9 +145,12 @@ def bind_method(
 
 
 def work_arrays(
-    system: System, numerical: bool, known: tuple[Work, Islands, Program] | None = None
+    system: System, numerical: bool, memory: int, known: tuple[Work, Islands, Program] | None = None
 ) -> tuple[Work, Islands, Program]:
-    """Return what the steps of a system work in; arrays of `known` that have the right size are kept."""
+    """Return what the steps of a system work in; arrays of `known` that have the right size are kept.
+
+    `memory` counts what the method carries from step to step besides q and p.
+    """
     dof, bodies, dimension = system.mass.size, system.component.size, system.dimension
     rows, held = system.unilateral.kind.size, system.bilateral.kind.size
     values = ("gaps", "gaps_moved", "base", "approach", "still", "pressed", "scaled", "best_pressed", "best_scaled")
@@ -159,6 +165,7 @@ def work_arrays(
         **_each(("gradients", "gradients_moved"), system.other_unilateral, dof),
         **_each(("held_normals", "held_normals_moved"), held, dimension),
         **_each(("held_gradients", "held_gradients_moved"), system.other_bilateral, dof),
+        **_each(("memory", "remembered"), memory, dof),
         "span": (1,),
         "balance": (3,),
         "mismatch": (held,),

@@ -15,6 +15,12 @@ def choices_of(method: type[Any]) -> Choices:
     return choices
 
 
+def memory_of(method: type[Any]) -> tuple[str, ...]:
+    """Return the names of what a method carries from step to step besides q and p, each of dof numbers."""
+    names: tuple[str, ...] = getattr(method, "MEMORY", ())
+    return names
+
+
 def check_choices(method: object) -> None:
     """Refuse a setting that is not one of its choices.
 

@@ -1,5 +1,6 @@
 """A method bound to a scene: it steps, by itself or many steps at once, and knows what that cost."""
 
+from collections.abc import Callable
 from typing import Any, NoReturn
 
 import numpy as np
@@ -28,8 +29,9 @@ _SEARCHES = 16  # times that neighbours are searched, ever farther, before a ste
 class Stepper:
     """Advances one scene by a method.
 
-    A step is a function of (q, p) alone: nothing is warm-started unless a choice of solver asks for it, so a run can be
-    continued from any recorded state.
+    A step is a function of the state alone, which is (q, p), or (q, p, memory) where the method carries more from step
+    to step: nothing is warm-started unless a choice of solver asks for it, so a run can be continued from any recorded
+    state.
 
     Parameters
     ----------
@@ -46,6 +48,9 @@ class Stepper:
         that the constraint touches. Both are unchanged by units and by how a constraint is scaled.
     unit : Unit
         The kernel that takes a step.
+    start : callable, optional
+        ``start(scene, position)`` returns the memory with which a run begins, of shape (names, dof); for methods that
+        have one.
     **method
         What kind of step it is: see `deli.integrators.binding.bind_method`.
 
@@ -63,6 +68,7 @@ class Stepper:
         skip: bool = True,
         contact_tolerance: float = 1e-8,
         unit: Unit = step,
+        start: Callable[[Scene, np.ndarray], np.ndarray] | None = None,
         **method: Any,
     ) -> None:
         if isinstance(step_size, bool) or not isinstance(step_size, (int, float)) or not 0 < step_size < np.inf:
@@ -73,7 +79,8 @@ class Stepper:
         self.choices = parse_choices(solvers)
         self.skip = skip
         self.stats = StepStats()
-        self._unit = unit
+        self._unit, self._start = unit, start
+        self._names = 0 if start is None else len(start(scene, scene.position))
         self._numerical = method.get("numerical")
         self._method = bind_method(self.step_size, self.choices, skip, contact_tolerance, **method)
         program = self._bind_scene()
@@ -124,25 +131,30 @@ class Stepper:
         names = set().union(*(solver.backends for solver in self._solvers))
         return names | {"native"} if self.stats.native_solves else names
 
-    def step(self, position: np.ndarray, momentum: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (q, p) one step later, both (dof,) arrays that are not to be written to.
+    def step(
+        self, position: np.ndarray, momentum: np.ndarray, memory: np.ndarray | None = None
+    ) -> tuple[np.ndarray, ...]:
+        """Return the state one step later, arrays that are not to be written to: (q, p), or (q, p, memory).
+
+        Without `memory` a method that has one begins anew.
 
         Raises
         ------
         StepError
             If a subproblem could not be solved, or the state is no longer finite.
         """
-        self.place(position, momentum)
+        self.place(position, momentum, memory)
         code = self._call(self._unit, 0, 0, 0)
         while code == codes.REFRESH:
             self._widen()
             code = self._call(self._unit, 0, 0, 0)
         if code != codes.DONE:
             self._raise(code)
-        moved, carried = self._work.moved.copy(), self._work.carried.copy()
-        moved.flags.writeable = False
-        carried.flags.writeable = False
-        return moved, carried
+        work = self._work
+        following = [part.copy() for part in self._parts(work.moved, work.carried, work.remembered)]
+        for part in following:
+            part.flags.writeable = False
+        return tuple(following)
 
     def reflect(self, position: np.ndarray, momentum: np.ndarray) -> np.ndarray:
         """Return the momentum reflected off all contacts that touch.
@@ -159,14 +171,16 @@ class Stepper:
         return self._work.momentum.copy()
 
     @property
-    def state(self) -> tuple[np.ndarray, np.ndarray]:
-        """(q, p) of the last step of `advance`; arrays that later steps write to."""
-        return self._work.q, self._work.p
+    def state(self) -> tuple[np.ndarray, ...]:
+        """(q, p) or (q, p, memory) after the last step of `advance`; arrays that later steps write to."""
+        return self._parts(self._work.q, self._work.p, self._work.memory)
 
-    def place(self, position: np.ndarray, momentum: np.ndarray) -> None:
-        """Put the scene in a state, from which `advance` goes on."""
+    def place(self, position: np.ndarray, momentum: np.ndarray, memory: np.ndarray | None = None) -> None:
+        """Put the scene in a state, from which `advance` goes on; without `memory`, in one in which a run begins."""
         self._work.q[:] = position
         self._work.p[:] = momentum
+        if self._start is not None:
+            self._work.memory[:] = self._start(self.scene, self._work.q) if memory is None else memory
         self._tries = 0
         if self.scene.unilateral.searched:
             known = self._system.reference.size and not self._call(has_strayed)
@@ -217,10 +231,13 @@ class Stepper:
             except StepError as error:
                 return error
 
+    def _parts(self, position: np.ndarray, momentum: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, ...]:
+        return (position, momentum, memory) if self._names else (position, momentum)
+
     def _bind_scene(self) -> Program:
         self._system, self._tries = bind_system(self.scene, self._method.implicit), 0
         self._mail = mail_arrays(self._system, self._method.numerical)
-        self._work, self._islands, self._program = work_arrays(self._system, self._method.numerical)
+        self._work, self._islands, self._program = work_arrays(self._system, self._method.numerical, self._names)
         return self._program
 
     def _bind(self, program: Program) -> Record:
@@ -242,9 +259,9 @@ class Stepper:
         self._tries += 1
 
     def _search(self, factor: float) -> None:
-        self._system = search(self._system, self.scene, *self.state, self.step_size, factor)
+        self._system = search(self._system, self.scene, self._work.q, self._work.p, self.step_size, factor)
         known = (self._work, self._islands, self._program)
-        self._work, self._islands, self._program = work_arrays(self._system, self._method.numerical, known)
+        self._work, self._islands, self._program = work_arrays(self._system, self._method.numerical, self._names, known)
         for solver in self._solvers:
             solver.bind(self._program)
         self._machine = self._bind(self._program)

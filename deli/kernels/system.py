@@ -101,6 +101,9 @@ class Method(NamedTuple):
         Constraints of a position update are taken at q + place (x − q).
     rows : int
         What the rows of a position update are.
+    recurrence : (3, 3) array
+        What the two rows of memory and the acceleration at x add to x̃, ṽ and the new memory, in
+        `deli.kernels.nonsmooth_alpha`; empty for other methods.
     restitution : float
         Of normal velocities, in methods that do not reflect.
     stiffness : float
@@ -135,6 +138,7 @@ class Method(NamedTuple):
     share: float
     place: float
     rows: int
+    recurrence: Matrix
     restitution: float
     stiffness: float
     implicit: bool
@@ -279,14 +283,17 @@ class Work(NamedTuple):
     `span` holds h, the size of the step at hand: words of a record never change, so no method could take a part of a
     step if it were one. `here` is ∇V(q), `spot` where the constraints of a position update are taken, `base` and
     `held_base` the values at u = 0 of rows that are affine. What collision integrators need is described in
-    `deli.kernels.fractions`, from `start` to `balance`.
+    `deli.kernels.fractions`, from `start` to `balance`. What a method carries from step to step besides q and p is
+    `memory`, of as many rows as it has names for, and becomes `remembered`.
     """
 
     span: Vector
     q: Vector
     p: Vector
+    memory: Matrix
     moved: Vector
     carried: Vector
+    remembered: Matrix
     momentum: Vector
     velocity: Vector
     force: Vector

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from deli.errors import InputError
+from deli.integrators.choices import memory_of
 from deli.mechanics.scene import Scene
 from deli.recording import provenance
 from deli.recording.paths import check_output
@@ -56,6 +57,11 @@ class Plan:
             solvers=self.solvers,
             every=self.every,
         )
+
+    @property
+    def memory(self) -> tuple[str, ...]:
+        """Names of what the method carries from step to step besides q and p, and so is recorded."""
+        return memory_of(type(self.method))
 
     def stepper(self, scene: Scene | None = None) -> Any:
         """A fresh stepper of the method, for the plan's scene or another."""
