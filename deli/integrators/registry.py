@@ -8,6 +8,7 @@ from deli.integrators.discrete_smooth import DiscreteSmooth
 from deli.integrators.gvi import GVI
 from deli.integrators.moreau_jean import MoreauJean
 from deli.integrators.newmark import Newmark
+from deli.integrators.nonsmooth_alpha import NonsmoothAlpha
 
 METHODS: dict[str, type[Any]] = {
     "gvi": GVI,
@@ -16,4 +17,5 @@ METHODS: dict[str, type[Any]] = {
     "direct": Direct,
     "newmark": Newmark,
     "moreau_jean": MoreauJean,
+    "nonsmooth_alpha": NonsmoothAlpha,
 }

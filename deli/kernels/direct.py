@@ -51,7 +51,7 @@ def _select_violated(machine: Machine, count: int) -> tuple[int, int]:
 
 
 @kernel
-def _move(machine: Machine) -> tuple[int, int]:
+def move(machine: Machine) -> tuple[int, int]:
     """Position update with all the constraints it meets; return a code and how many rows that took."""
     system, method, work = machine.system, machine.method, machine.work
     held = system.bilateral.kind.size
@@ -127,7 +127,7 @@ def substitute(machine: Machine, known: int, _one: int, _two: int) -> int:
         work.momentum[k] = work.p[k]
     if strayed(machine, work.moved):
         return REFRESH
-    code, count = _move(machine)
+    code, count = move(machine)
     if code == DONE:
         code = REFRESH if strayed(machine, work.moved) else _carry(machine)
     if code == DONE:
