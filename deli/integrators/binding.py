@@ -9,7 +9,11 @@ from typing import Any
 import numpy as np
 
 from deli.errors import InputError
-from deli.kernels.system import FROZEN, Islands, Mail, Method, Program, System, Work
+from deli.kernels.codes import FROZEN
+from deli.kernels.machine import Mail
+from deli.kernels.program import Program
+from deli.kernels.system import Method, System
+from deli.kernels.work import Islands, Work
 from deli.mechanics.scene import Scene
 from deli.mechanics.schemes import Scheme
 from deli.mechanics.tables import OTHER, PLANE, Rows

@@ -6,9 +6,10 @@ from collections.abc import Callable
 import numpy as np
 
 from deli.integrators.binding import brentq_address, clock_address
-from deli.kernels import system as asked
+from deli.kernels import codes as asked
+from deli.kernels.machine import Hooks, Mail
 from deli.kernels.solve import NEWTON
-from deli.kernels.system import Hooks, Mail, Method
+from deli.kernels.system import Method
 from deli.kernels.turning import turn_numerical
 from deli.mechanics.constraints import ConstraintStack
 from deli.mechanics.energies import potential_hessian

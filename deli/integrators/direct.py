@@ -51,8 +51,8 @@ class Direct:
     ) -> "Stepper":
         """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
         from deli.integrators.stepper import Stepper  # numba takes half a second to import
+        from deli.kernels.codes import MOVING
         from deli.kernels.direct import substitute
-        from deli.kernels.system import MOVING
 
         return Stepper(
             scene,

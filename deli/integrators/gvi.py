@@ -92,7 +92,7 @@ class GVI:
     ) -> "Stepper":
         """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
         from deli.integrators.stepper import Stepper  # numba takes half a second to import
-        from deli.kernels.system import AFFINE, FROZEN
+        from deli.kernels.codes import AFFINE, FROZEN
 
         scheme = get_scheme(self.scheme)
         return Stepper(

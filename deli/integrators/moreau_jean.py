@@ -53,8 +53,8 @@ class MoreauJean:
     ) -> "Stepper":
         """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
         from deli.integrators.stepper import Stepper  # numba takes half a second to import
+        from deli.kernels.codes import AFFINE
         from deli.kernels.direct import substitute
-        from deli.kernels.system import AFFINE
 
         theta = float(self.theta)
         weights = (1.0 - theta, 0.0, theta)

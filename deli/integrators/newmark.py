@@ -60,8 +60,8 @@ class Newmark:
     ) -> "Stepper":
         """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
         from deli.integrators.stepper import Stepper  # numba takes half a second to import
+        from deli.kernels.codes import FROZEN, MOVING
         from deli.kernels.direct import substitute
-        from deli.kernels.system import FROZEN, MOVING
 
         beta, gamma = float(self.beta), float(self.gamma)
         here = beta == 0.0 and not self.imex

@@ -71,8 +71,8 @@ class NonsmoothAlpha:
     ) -> "Stepper":
         """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
         from deli.integrators.stepper import Stepper  # numba takes half a second to import
+        from deli.kernels.codes import MOVING
         from deli.kernels.nonsmooth_alpha import advance_and_jump
-        from deli.kernels.system import MOVING
 
         recurrence = _recurrence(float(self.spectral_radius))
         return Stepper(

@@ -8,13 +8,14 @@ import numpy as np
 from deli.errors import InputError, StepError
 from deli.integrators.binding import bind_method, bind_system, mail_arrays, search, work_arrays
 from deli.integrators.bridge import Bridge
-from deli.kernels import system as codes
+from deli.kernels import codes
 from deli.kernels.advance import advance, has_strayed, make_block, record_state
 from deli.kernels.build import ready
 from deli.kernels.compiled import Unit
+from deli.kernels.machine import MACHINE, Machine
+from deli.kernels.program import Program
 from deli.kernels.record import Record
 from deli.kernels.step import reflect_touching, step
-from deli.kernels.system import MACHINE, Machine, Program
 from deli.mechanics.energies import reflection_metric
 from deli.mechanics.scene import Scene
 from deli.subproblems import position, projection, reflection

@@ -7,12 +7,14 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from deli.kernels.arrays import Matrix, Numbers
+from deli.kernels.codes import BILATERAL, DONE, LEAST_GAP
 from deli.kernels.compiled import address_of, call, kernel, seconds, unit
 from deli.kernels.contacts import approached, find_gaps, strayed
 from deli.kernels.forces import ask, energy
+from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.record import Record, RecordType
 from deli.kernels.rows import value
-from deli.kernels.system import BILATERAL, DONE, LEAST_GAP, MACHINE, Machine, Matrix, Numbers
 from deli.kernels.tally import reset
 
 

@@ -2,12 +2,13 @@
 
 from numba import types
 
+from deli.kernels.codes import AFFINE, DONE, MOVING, POSITION, REFRESH
 from deli.kernels.compiled import kernel, unit
 from deli.kernels.contacts import VIOLATED, begin, find_gaps, finite, gradients_here, strayed
 from deli.kernels.forces import gradient
+from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.position import predict, update
 from deli.kernels.rows import normal, rate
-from deli.kernels.system import AFFINE, DONE, MACHINE, MOVING, POSITION, REFRESH, Machine
 from deli.kernels.tally import skip
 
 _FORECAST = 0.5  # of a step, after which Moreau's scheme looks for constraints that are met

@@ -2,15 +2,16 @@
 
 from numba import types
 
+from deli.kernels.codes import DONE, PROJECTION, REFRESH
 from deli.kernels.compiled import kernel, unit
 from deli.kernels.contacts import begin, find_gaps, finite, gradients_here, strayed
 from deli.kernels.direct import move
 from deli.kernels.forces import gradient
 from deli.kernels.islands import connect
+from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.position import predict
 from deli.kernels.rows import normal, rate
 from deli.kernels.solve import gather_rows, solve
-from deli.kernels.system import DONE, MACHINE, PROJECTION, REFRESH, Machine
 from deli.kernels.tally import copy_tally, skip
 
 _POSITION, _VELOCITY, _AUXILIARY = 0, 1, 2  # rows of the recurrence
