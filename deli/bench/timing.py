@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 import deli
-from deli.integrators.choices import memory_of
 from deli.mechanics.scene import Scene
 from deli.recording.recorder import Recorder
 from deli.running.plan import make_plan
@@ -106,7 +105,7 @@ class Runner:
     def __init__(self, scene: Scene, method: Any, step_size: float, **keywords: Any) -> None:
         self.stepper = make_plan(scene, method, step_size=step_size, steps=1, **keywords).stepper()
         self.counter = Counter()
-        self._recorder = Recorder(scene, step_size, self.counter, memory=memory_of(type(method)))
+        self._recorder = Recorder(scene, step_size, self.counter, memory=method.MEMORY)
         self.place(scene.position, scene.momentum)
         self.stepper.record(self._recorder.block)
         self._recorder.flush()

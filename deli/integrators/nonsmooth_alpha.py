@@ -1,19 +1,18 @@
 """The nonsmooth generalized-alpha method."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from deli.errors import InputError
-
-if TYPE_CHECKING:
-    from deli.integrators.stepper import Stepper
-    from deli.mechanics.scene import Scene
+from deli.integrators.integrator import Integrator, Ranges
+from deli.integrators.recipe import Recipe, Weights
+from deli.kernels.codes import MOVING
+from deli.mechanics.scene import Scene
 
 
 @dataclass(frozen=True)
-class NonsmoothAlpha:
+class NonsmoothAlpha(Integrator):
     """Nonsmooth generalized-alpha method (Brüls, Acary and Cardona 2014): contacts in positions and in velocities.
 
     With v = M⁻¹p, G and F the gradients of g and f, and x the new position, one step solves for the smooth motion
@@ -50,55 +49,36 @@ class NonsmoothAlpha:
         For ρ or e out of range.
     """
 
+    RANGES: ClassVar[Ranges] = {"spectral_radius": (0.0, 1.0), "restitution": (0.0, 1.0)}
     MEMORY: ClassVar[tuple[str, ...]] = ("auxiliary_acceleration", "smooth_acceleration")
 
     spectral_radius: float = 0.8
     restitution: float = 1.0
 
-    def __post_init__(self) -> None:
-        for key in ("spectral_radius", "restitution"):
-            value = getattr(self, key)
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value <= 1:
-                raise InputError(f"NonsmoothAlpha: {key} is {value!r}; allowed: a number from 0 to 1.")
-
-    def stepper(
-        self,
-        scene: "Scene",
-        step_size: float,
-        solvers: object = "auto",
-        skip: bool = True,
-        contact_tolerance: float = 1e-8,
-    ) -> "Stepper":
-        """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
-        from deli.integrators.stepper import Stepper  # numba takes half a second to import
-        from deli.kernels.codes import MOVING
-        from deli.kernels.nonsmooth_alpha import advance_and_jump
-
+    def recipe(self) -> Recipe:
+        """Return the numbers of the generalized-alpha method."""
         recurrence = _recurrence(float(self.spectral_radius))
-        return Stepper(
-            scene,
-            step_size,
-            solvers,
-            skip,
-            contact_tolerance,
-            advance_and_jump,
-            start=_free_fall,
-            weights=(0.0, 0.0, float(recurrence[0, 2])),
-            recurrence=recurrence,
+        return Recipe(
+            unit="deli.kernels.nonsmooth_alpha.advance_and_jump",
+            weights=(0.0, 0.0, recurrence[0][2]),
             rows=MOVING,
             restitution=float(self.restitution),
+            recurrence=recurrence,
+            memory=len(self.MEMORY),
+            begin=_free_fall,
         )
 
 
-def _free_fall(scene: "Scene", position: np.ndarray) -> np.ndarray:
+def _free_fall(scene: Scene, position: np.ndarray) -> np.ndarray:
     return np.tile(-scene.potential.gradient(position) / scene.mass, (2, 1))
 
 
-def _recurrence(rho: float) -> np.ndarray:
+def _recurrence(rho: float) -> tuple[Weights, ...]:
     """What a, ã and ã⁺ add to (x̃ − q − h v)/h², to (ṽ − v)/h and to a⁺, a row each."""
     alpha_m, alpha_f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
     gamma = 0.5 + alpha_f - alpha_m
     beta = 0.25 * (gamma + 0.5) ** 2
-    auxiliary = np.array([-alpha_m, alpha_f, 1.0 - alpha_f]) / (1.0 - alpha_m)
-    now = np.array([1.0, 0.0, 0.0])
-    return np.array([(0.5 - beta) * now + beta * auxiliary, (1.0 - gamma) * now + gamma * auxiliary, auxiliary])
+    old, before, new = (weight / (1.0 - alpha_m) for weight in (-alpha_m, alpha_f, 1.0 - alpha_f))
+    position = (0.5 - beta + beta * old, beta * before, beta * new)
+    velocity = (1.0 - gamma + gamma * old, gamma * before, gamma * new)
+    return position, velocity, (old, before, new)

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from deli.integrators.choices import memory_of
 from deli.integrators.registry import METHODS
 from deli.recording import provenance, reading
 from deli.recording.recorder import diagnose
@@ -45,7 +44,7 @@ def verify(path: Path) -> list[Finding]:
 
 def _schema(groups: Groups, method: str) -> Finding:
     dof, dimension = (len(groups[TRAJECTORY][name][1]) for name in ("dof", "axis"))
-    memory = memory_of(METHODS[method]) if method in METHODS else ()
+    memory = METHODS[method].MEMORY if method in METHODS else ()
     wrong = []
     for group, variables in Schema(dof, dimension, memory).groups.items():
         for variable in variables:
