@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from deli.integrators.gvi import GVI
     from deli.integrators.moreau_jean import MoreauJean
     from deli.integrators.newmark import Newmark
+    from deli.integrators.nonsmooth_alpha import NonsmoothAlpha
     from deli.mechanics.constraints import Planes
     from deli.mechanics.distances import AnchoredRods, Rods, SpheresApart, SpheresInside, SpheresOutside
     from deli.mechanics.functions import Constraints, Potential
@@ -42,6 +43,7 @@ __all__ = [
     "LennardJones",
     "MoreauJean",
     "Newmark",
+    "NonsmoothAlpha",
     "Planes",
     "Potential",
     "RadialPowers",
@@ -75,6 +77,7 @@ _HOME = {
     "LennardJones": "deli.mechanics.pair_potentials",
     "MoreauJean": "deli.integrators.moreau_jean",
     "Newmark": "deli.integrators.newmark",
+    "NonsmoothAlpha": "deli.integrators.nonsmooth_alpha",
     "Planes": "deli.mechanics.constraints",
     "Potential": "deli.mechanics.functions",
     "RadialPowers": "deli.mechanics.potentials",

@@ -93,7 +93,7 @@ def simulate_ensemble(
         output=output,
         overwrite=overwrite,
     )
-    count, schema = _check_workers(workers), Schema(members[0].dof, members[0].dimension)
+    count, schema = _check_workers(workers), Schema(members[0].dof, members[0].dimension, plan.memory)
     named = ensemble.check_labels(labels, len(members), schema)
     gathering = ensemble.Gathering(len(members), plan.rows, schema)
     crew = Crew(plan, members, gathering, count)

@@ -18,6 +18,7 @@ METHODS = (
     deli.Newmark(),
     deli.Newmark(0.0, 0.5),
     deli.MoreauJean(),
+    deli.NonsmoothAlpha(),
 )
 CASES = (
     (deli.scenes.spring_sphere(start="mixed"), 0.5, 100.0),

@@ -48,19 +48,18 @@ def measure(name: str, bodies: int, seconds: float) -> Row:
     if name == "chain_on_cylinder":  # rods get shorter as there are more, and a step must not turn one by much
         step_size *= min(1.0, 100.0 / bodies)
     stepper: Any = deli.GVI(scheme=usual["scheme"]).stepper(scene, step_size)
-    searching = _clocked(stepper, "_search")
     block = make_block(MOST_STEPS // EVERY + 4, scene.dof, scene.dimension)
     progress = block.fields.progress
     stepper.place(scene.position, scene.momentum)
     stepper.record(block)
     error = stepper.advance(block, WARM_UP, EVERY, time.monotonic() + seconds)
-    warmed, searching[0] = int(progress[0]), 0.0
-    solved_before = _solver_seconds(block, stepper)
+    warmed = int(progress[0])
+    searched_before, solved_before = stepper.search_seconds, _solver_seconds(block, stepper)
     began = time.perf_counter()
     if error is None and seconds > 0.0:
         error = stepper.advance(block, MOST_STEPS, EVERY, time.monotonic() + seconds)
     elapsed = time.perf_counter() - began
-    searched, solved = searching[0], _solver_seconds(block, stepper) - solved_before
+    searched, solved = stepper.search_seconds - searched_before, _solver_seconds(block, stepper) - solved_before
     steps = int(progress[0]) - warmed
     peak = 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024.0 if sys.platform == "darwin" else 1.0)
     if error is not None:
@@ -77,21 +76,6 @@ def measure(name: str, bodies: int, seconds: float) -> Row:
     row["share_kernels"] = max(0.0, 1.0 - sum(shares.values()) / elapsed)
     row |= {"us_per_step": 1e6 * elapsed / steps, "us_per_body": 1e6 * elapsed / steps / scene.bodies}
     return row | _errors(scene, block.fields.diagnostics[:rows], block.fields.momentum[:rows])
-
-
-def _clocked(stepper: Any, name: str) -> list[float]:
-    """Sum up the seconds spent in a method of `stepper`."""
-    method, total = getattr(stepper, name), [0.0]
-
-    def timed(*arguments: Any) -> Any:
-        began = time.perf_counter()
-        try:
-            return method(*arguments)
-        finally:
-            total[0] += time.perf_counter() - began
-
-    setattr(stepper, name, timed)
-    return total
 
 
 def _solver_seconds(block: Any, stepper: Any) -> float:

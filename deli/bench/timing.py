@@ -105,20 +105,19 @@ class Runner:
     def __init__(self, scene: Scene, method: Any, step_size: float, **keywords: Any) -> None:
         self.stepper = make_plan(scene, method, step_size=step_size, steps=1, **keywords).stepper()
         self.counter = Counter()
-        self._recorder = Recorder(scene, step_size, self.counter)
+        self._recorder = Recorder(scene, step_size, self.counter, memory=method.MEMORY)
         self.place(scene.position, scene.momentum)
         self.stepper.record(self._recorder.block)
         self._recorder.flush()
 
     @property
-    def state(self) -> tuple[np.ndarray, np.ndarray]:
-        """Copies of (q, p)."""
-        q, p = self.stepper.state
-        return q.copy(), p.copy()
+    def state(self) -> tuple[np.ndarray, ...]:
+        """A copy of the stepper's state."""
+        return tuple(part.copy() for part in self.stepper.state)
 
-    def place(self, q: np.ndarray, p: np.ndarray) -> None:
+    def place(self, *state: np.ndarray) -> None:
         """Go on from this state."""
-        self.stepper.place(q, p)
+        self.stepper.place(*state)
 
     def run(self, steps: int, every: int = EVERY) -> float:
         """Take steps; return the seconds that this took.

@@ -45,7 +45,6 @@ def methods() -> None:
     """List the methods with their settings; the first value of each is the default."""
     from rich.table import Table
 
-    from deli.integrators.choices import choices_of
     from deli.integrators.registry import METHODS
 
     table = Table("method", "what", "settings")
@@ -54,7 +53,7 @@ def methods() -> None:
         for field in dataclasses.fields(method):
             values = [
                 str(field.default),
-                *(str(v) for v in choices_of(method).get(field.name, ()) if v != field.default),
+                *(str(v) for v in method.CHOICES.get(field.name, ()) if v != field.default),
             ]
             rows.append(f"{field.name} = {' | '.join(values)}")
         table.add_row(name, _first_line(method), "\n".join(rows))

@@ -12,7 +12,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 import solvers
 from deli.errors import InputError
-from deli.integrators.choices import choices_of
+from deli.integrators.integrator import Integrator
 from solvers.registry import CHAINS, REFERENCE
 
 PLAIN_TYPES = (bool, int, float, str)
@@ -89,9 +89,9 @@ def scene_model(build: Callable[..., Any]) -> type[Table]:
     return create_model("Scene", __base__=Table, name=(str, ...), **fields)
 
 
-def method_model(method: type[Any]) -> type[Table]:
+def method_model(method: type[Integrator]) -> type[Table]:
     """Return the model of a method's table, from the fields of its class."""
-    hints, choices = get_type_hints(method), choices_of(method)
+    hints, choices = get_type_hints(method), method.CHOICES
     fields: dict[str, Any] = {
         field.name: (Literal[choices[field.name]] if field.name in choices else hints[field.name], field.default)
         for field in dataclasses.fields(method)

@@ -2,13 +2,14 @@
 
 import ctypes
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
-from deli.integrators.binding import brentq_address, clock_address
-from deli.kernels import system as asked
+from deli.kernels import codes as asked
+from deli.kernels.machine import Hooks, Mail
 from deli.kernels.solve import NEWTON
-from deli.kernels.system import Hooks, Mail, Method
+from deli.kernels.system import Method
 from deli.kernels.turning import turn_numerical
 from deli.mechanics.constraints import ConstraintStack
 from deli.mechanics.energies import potential_hessian
@@ -58,10 +59,10 @@ class Bridge:
         self.hooks = Hooks(
             evaluate=_address(self._evaluate),
             solve=_address(self._solve),
-            clock=clock_address(),
+            clock=_clock(),
             numerical=turn_numerical.address if method.numerical else 0,
             step=step,
-            root=brentq_address() if method.order else 0,
+            root=_brentq() if method.order else 0,
         )
 
     def forget(self) -> BaseException | None:
@@ -121,3 +122,21 @@ class Bridge:
 
 def _address(function: object) -> int:
     return ctypes.cast(function, ctypes.c_void_p).value or 0  # type: ignore[arg-type]
+
+
+@cache
+def _clock() -> int:
+    """Address of the C library's ``clock_gettime``; 0 where there is none, and then compiled solves go untimed."""
+    try:
+        function = ctypes.CDLL(None).clock_gettime
+    except (AttributeError, OSError, TypeError):
+        return 0
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
+
+
+@cache
+def _brentq() -> int:
+    """Address of SciPy's Brent's method, of its interface for compiled code."""
+    from numba.extending import get_cython_function_address
+
+    return int(get_cython_function_address("scipy.optimize.cython_optimize._zeros", "brentq"))

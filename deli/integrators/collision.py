@@ -1,18 +1,15 @@
 """Collision integrators: steps that are interrupted where they meet a constraint."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from deli.integrators.choices import Choices, check_choices
+from deli.integrators.integrator import Choices, Integrator
+from deli.integrators.recipe import Recipe
 from deli.mechanics.schemes import SCHEMES, get_scheme
-
-if TYPE_CHECKING:
-    from deli.integrators.stepper import Stepper
-    from deli.mechanics.scene import Scene
 
 
 @dataclass(frozen=True)
-class Collision:
+class Collision(Integrator):
     """Collision integrator: steps that are cut at events (Kaufman and Pai 2012, section 1.3.2).
 
     With Φ_t the scheme's step of size t from (q, p), constrained to f(x) = 0 alone, and s < h the first time at which
@@ -63,29 +60,11 @@ class Collision:
     energy: str = "hamiltonian"
     order: int = 2
 
-    def __post_init__(self) -> None:
-        check_choices(self)
-
-    def stepper(
-        self,
-        scene: "Scene",
-        step_size: float,
-        solvers: object = "auto",
-        skip: bool = True,
-        contact_tolerance: float = 1e-8,
-    ) -> "Stepper":
-        """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
-        from deli.integrators.stepper import Stepper  # numba takes half a second to import
-        from deli.kernels.collision import collide
-
+    def recipe(self) -> Recipe:
+        """Return the weights of the scheme, and what reflections conserve."""
         scheme = get_scheme(self.scheme)
-        return Stepper(
-            scene,
-            step_size,
-            solvers,
-            skip,
-            contact_tolerance,
-            collide,
+        return Recipe(
+            unit="deli.kernels.collision.collide",
             weights=scheme.weights,
             reflects=True,
             numerical=scheme if self.energy == "numerical" else None,

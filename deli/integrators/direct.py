@@ -1,17 +1,15 @@
 """Direct substitution of constraint forces into the implicit midpoint method (Appendix B)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from deli.integrators.choices import Choices, check_choices
-
-if TYPE_CHECKING:
-    from deli.integrators.stepper import Stepper
-    from deli.mechanics.scene import Scene
+from deli.integrators.integrator import Choices, Integrator
+from deli.integrators.recipe import Recipe
+from deli.kernels.codes import MOVING
 
 
 @dataclass(frozen=True)
-class Direct:
+class Direct(Integrator):
     """Implicit midpoint with the constraints' forces substituted for forces (Kaufman and Pai 2012, B.3 to B.5).
 
     With y = (q + x)/2, or y = x where constrained at the endpoint, one step solves
@@ -38,29 +36,10 @@ class Direct:
 
     constraint: str = "midpoint"
 
-    def __post_init__(self) -> None:
-        check_choices(self)
-
-    def stepper(
-        self,
-        scene: "Scene",
-        step_size: float,
-        solvers: object = "auto",
-        skip: bool = True,
-        contact_tolerance: float = 1e-8,
-    ) -> "Stepper":
-        """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
-        from deli.integrators.stepper import Stepper  # numba takes half a second to import
-        from deli.kernels.direct import substitute
-        from deli.kernels.system import MOVING
-
-        return Stepper(
-            scene,
-            step_size,
-            solvers,
-            skip,
-            contact_tolerance,
-            substitute,
+    def recipe(self) -> Recipe:
+        """Return the numbers of (B.3) to (B.5)."""
+        return Recipe(
+            unit="deli.kernels.direct.substitute",
             weights=(0.0, 0.5, 0.0),
             later=(0.0, 1.0, 0.0),
             gain=2.0,

@@ -1,18 +1,15 @@
 """The Discrete-Smooth Integrator (5.6-5.9)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from deli.integrators.choices import Choices, check_choices
+from deli.integrators.integrator import Choices, Integrator
+from deli.integrators.recipe import Recipe
 from deli.mechanics.schemes import SCHEMES, get_scheme
-
-if TYPE_CHECKING:
-    from deli.integrators.stepper import Stepper
-    from deli.mechanics.scene import Scene
 
 
 @dataclass(frozen=True)
-class DiscreteSmooth:
+class DiscreteSmooth(Integrator):
     """Discrete-Smooth Integrator (Kaufman and Pai 2012, section 5.1).
 
     Position update with complementarity on all constraints active at q (5.6, 5.7), then the momentum projection (5.8,
@@ -35,18 +32,6 @@ class DiscreteSmooth:
 
     scheme: str = "midpoint"
 
-    def __post_init__(self) -> None:
-        check_choices(self)
-
-    def stepper(
-        self,
-        scene: "Scene",
-        step_size: float,
-        solvers: object = "auto",
-        skip: bool = True,
-        contact_tolerance: float = 1e-8,
-    ) -> "Stepper":
-        """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
-        from deli.integrators.stepper import Stepper  # numba takes half a second to import
-
-        return Stepper(scene, step_size, solvers, skip, contact_tolerance, weights=get_scheme(self.scheme).weights)
+    def recipe(self) -> Recipe:
+        """Return the weights of the scheme."""
+        return Recipe(weights=get_scheme(self.scheme).weights)

@@ -1,22 +1,20 @@
 """The Generalized Variational Integrator: Algorithm 1 with bilateral constraints (7.8, 7.9)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from deli.errors import InputError
-from deli.integrators.choices import Choices, check_choices
+from deli.integrators.integrator import Choices, Integrator
+from deli.integrators.recipe import Recipe
+from deli.kernels.codes import AFFINE, FROZEN
 from deli.mechanics.schemes import SCHEMES, get_scheme
 from deli.subproblems.reflection import ENERGIES, OPERATORS, ORDERS, SELECTIONS
-
-if TYPE_CHECKING:
-    from deli.integrators.stepper import Stepper
-    from deli.mechanics.scene import Scene
 
 PREDICTORS = ("forward", "closed_loop")
 
 
 @dataclass(frozen=True)
-class GVI:
+class GVI(Integrator):
     """Generalized Variational Integrator (Kaufman and Pai 2012, Algorithm 1).
 
     Each step reflects the momentum off the extended active set 𝔸 (6.4), moves to x with complementarity on the smooth
@@ -73,34 +71,17 @@ class GVI:
     order: str = "index"
 
     def __post_init__(self) -> None:
-        check_choices(self)
-        if not isinstance(self.linearized, bool):
-            raise InputError(f"GVI: linearized is {self.linearized!r}; allowed: true or false.")
+        super().__post_init__()
         if (self.reflection, self.order) not in SELECTIONS:
             raise InputError(
                 f"GVI: order {self.order!r} is for reflection 'sequential', which takes one contact at a time; "
                 f"reflection is {self.reflection!r}."
             )
 
-    def stepper(
-        self,
-        scene: "Scene",
-        step_size: float,
-        solvers: object = "auto",
-        skip: bool = True,
-        contact_tolerance: float = 1e-8,
-    ) -> "Stepper":
-        """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
-        from deli.integrators.stepper import Stepper  # numba takes half a second to import
-        from deli.kernels.system import AFFINE, FROZEN
-
+    def recipe(self) -> Recipe:
+        """Return what Algorithm 1 is to do."""
         scheme = get_scheme(self.scheme)
-        return Stepper(
-            scene,
-            step_size,
-            solvers,
-            skip,
-            contact_tolerance,
+        return Recipe(
             weights=scheme.weights,
             rows=AFFINE if self.linearized else FROZEN,
             reflects=True,

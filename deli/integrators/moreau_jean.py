@@ -1,17 +1,15 @@
 """Moreau's time-stepping scheme, in the form of Jean."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import ClassVar
 
-from deli.errors import InputError
-
-if TYPE_CHECKING:
-    from deli.integrators.stepper import Stepper
-    from deli.mechanics.scene import Scene
+from deli.integrators.integrator import Integrator, Ranges
+from deli.integrators.recipe import Recipe
+from deli.kernels.codes import AFFINE
 
 
 @dataclass(frozen=True)
-class MoreauJean:
+class MoreauJean(Integrator):
     """Moreau-Jean scheme: contacts at the level of velocities, with Newton's restitution (Moreau 1988, Jean 1999).
 
     With v = M⁻¹p and N over the constraints that g(q) + (h/2) ∇g(q)ᵀv ≤ 0 forecasts, one step solves
@@ -34,37 +32,17 @@ class MoreauJean:
         For θ or e out of range.
     """
 
+    RANGES: ClassVar[Ranges] = {"theta": (0.5, 1.0), "restitution": (0.0, 1.0)}
+
     theta: float = 0.5
     restitution: float = 1.0
 
-    def __post_init__(self) -> None:
-        for key, least in (("theta", 0.5), ("restitution", 0.0)):
-            value = getattr(self, key)
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not least <= value <= 1:
-                raise InputError(f"MoreauJean: {key} is {value!r}; allowed: a number from {least:g} to 1.")
-
-    def stepper(
-        self,
-        scene: "Scene",
-        step_size: float,
-        solvers: object = "auto",
-        skip: bool = True,
-        contact_tolerance: float = 1e-8,
-    ) -> "Stepper":
-        """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
-        from deli.integrators.stepper import Stepper  # numba takes half a second to import
-        from deli.kernels.direct import substitute
-        from deli.kernels.system import AFFINE
-
+    def recipe(self) -> Recipe:
+        """Return the numbers of the θ-method."""
         theta = float(self.theta)
         weights = (1.0 - theta, 0.0, theta)
-        return Stepper(
-            scene,
-            step_size,
-            solvers,
-            skip,
-            contact_tolerance,
-            substitute,
+        return Recipe(
+            unit="deli.kernels.direct.substitute",
             weights=weights,
             later=weights,
             gain=1.0,

@@ -1,17 +1,15 @@
 """Newmark's methods with substituted constraint forces (Appendix B)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import ClassVar
 
-from deli.errors import InputError
-
-if TYPE_CHECKING:
-    from deli.integrators.stepper import Stepper
-    from deli.mechanics.scene import Scene
+from deli.integrators.integrator import Integrator, Ranges
+from deli.integrators.recipe import Recipe
+from deli.kernels.codes import FROZEN, MOVING
 
 
 @dataclass(frozen=True)
-class Newmark:
+class Newmark(Integrator):
     """Newmark's family with the constraints' forces substituted for forces (Kaufman and Pai 2012, B.6 to B.11).
 
     With r = N(x)λ + F(x)ν, 0 ≤ λ ⊥ g(x) ≥ 0 and f(x) = 0, one step solves
@@ -38,40 +36,18 @@ class Newmark:
         For β or γ out of range.
     """
 
+    RANGES: ClassVar[Ranges] = {"beta": (0.0, 0.5), "gamma": (0.0, 1.0)}
+
     beta: float = 0.25
     gamma: float = 0.5
     imex: bool = False
 
-    def __post_init__(self) -> None:
-        for key, most in (("beta", 0.5), ("gamma", 1.0)):
-            value = getattr(self, key)
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value <= most:
-                raise InputError(f"Newmark: {key} is {value!r}; allowed: a number from 0 to {most:g}.")
-        if not isinstance(self.imex, bool):
-            raise InputError(f"Newmark: imex is {self.imex!r}; allowed: true or false.")
-
-    def stepper(
-        self,
-        scene: "Scene",
-        step_size: float,
-        solvers: object = "auto",
-        skip: bool = True,
-        contact_tolerance: float = 1e-8,
-    ) -> "Stepper":
-        """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
-        from deli.integrators.stepper import Stepper  # numba takes half a second to import
-        from deli.kernels.direct import substitute
-        from deli.kernels.system import FROZEN, MOVING
-
+    def recipe(self) -> Recipe:
+        """Return the numbers of (B.8) to (B.11)."""
         beta, gamma = float(self.beta), float(self.gamma)
         here = beta == 0.0 and not self.imex
-        return Stepper(
-            scene,
-            step_size,
-            solvers,
-            skip,
-            contact_tolerance,
-            substitute,
+        return Recipe(
+            unit="deli.kernels.direct.substitute",
             weights=(0.5 - beta, 0.0, beta),
             later=(1.0 - gamma, 0.0, gamma),
             gain=2.0 if self.imex else 2.0 * (1.0 - gamma) if here else gamma / beta,

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from deli.integrators.binding import bind_system, components
+from deli.kernels.machine import MACHINE
 from deli.kernels.record import Records
-from deli.kernels.system import MACHINE
 from deli.mechanics.scene import Scene
 from deli.mechanics.tables import PLANE, Rows, Terms
 

@@ -7,12 +7,14 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from deli.kernels.arrays import Matrix, Numbers
+from deli.kernels.codes import BILATERAL, DONE, LEAST_GAP
 from deli.kernels.compiled import address_of, call, kernel, seconds, unit
 from deli.kernels.contacts import approached, find_gaps, strayed
 from deli.kernels.forces import ask, energy
+from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.record import Record, RecordType
 from deli.kernels.rows import value
-from deli.kernels.system import BILATERAL, DONE, LEAST_GAP, MACHINE, Machine, Matrix, Numbers
 from deli.kernels.tally import reset
 
 
@@ -26,6 +28,8 @@ class Block(NamedTuple):
     steps : (rows,) int64 array
         Steps of the run that lead to each row.
     position, momentum : (rows, dof) arrays
+    memory : (rows, names, dof) array
+        What the method carries besides, see `Work`.
     diagnostics : (rows, columns) array
         Kinetic and potential energy, least gap, equality residual, linear momentum, angular momentum.
     counts : (rows, 7, 3) int64 array
@@ -40,6 +44,7 @@ class Block(NamedTuple):
     steps: Numbers
     position: Matrix
     momentum: Matrix
+    memory: Annotated[NDArray[np.float64], 3]
     diagnostics: Matrix
     counts: Annotated[NDArray[np.int64], 3]
     times: Annotated[NDArray[np.float64], 3]
@@ -51,8 +56,8 @@ class Block(NamedTuple):
 BLOCK = RecordType(Block)
 
 
-def make_block(rows: int, dof: int, dimension: int) -> Record:
-    """Return an empty block."""
+def make_block(rows: int, dof: int, dimension: int, memory: int = 0) -> Record:
+    """Return an empty block; `memory` counts what the method carries besides q and p."""
     angular = {1: 0, 2: 1, 3: 3}[dimension]
     return Record(
         BLOCK,
@@ -61,6 +66,7 @@ def make_block(rows: int, dof: int, dimension: int) -> Record:
             steps=np.zeros(rows, dtype=np.int64),
             position=np.zeros((rows, dof)),
             momentum=np.zeros((rows, dof)),
+            memory=np.zeros((rows, memory, dof)),
             diagnostics=np.zeros((rows, 4 + dimension + angular)),
             counts=np.zeros((rows, 7, 3), dtype=np.int64),
             times=np.zeros((rows, 2, 3)),
@@ -125,6 +131,8 @@ def record(machine: Machine, block: Block) -> int:
     for k in range(work.q.size):
         block.position[row, k] = work.q[k]
         block.momentum[row, k] = work.p[k]
+        for name in range(block.memory.shape[1]):
+            block.memory[row, name, k] = work.memory[name, k]
     for subproblem in range(tally.status.size):
         for k in range(tally.counts.shape[0]):
             block.counts[row, k, subproblem] = tally.counts[k, subproblem]
@@ -164,6 +172,8 @@ def advance(machine: Machine, block: Block, steps: int, every: int, deadline: fl
         for k in range(work.q.size):
             work.q[k] = work.moved[k]
             work.p[k] = work.carried[k]
+            for name in range(work.memory.shape[0]):
+                work.memory[name, k] = work.remembered[name, k]
         for row in range(work.gaps.size):
             work.gaps[row] = work.gaps_moved[row]
         progress[0] += 1

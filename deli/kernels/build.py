@@ -12,7 +12,18 @@ from pathlib import Path
 import llvmlite.binding as llvm
 from numba.core.caching import FunctionCache
 
-from deli.kernels import advance, collision, direct, islands, native, position, reflection, step, turning
+from deli.kernels import (
+    advance,
+    collision,
+    direct,
+    islands,
+    native,
+    nonsmooth_alpha,
+    position,
+    reflection,
+    step,
+    turning,
+)
 from deli.kernels.compiled import UNITS, Unit
 from deli.mechanics import tables
 from solvers import native as solver
@@ -27,6 +38,7 @@ _RARE = {
         step.reflect_touching,
         advance.has_strayed,
         direct.substitute,
+        nonsmooth_alpha.advance_and_jump,
         collision.collide,
         *collision.collide.needs,
     )

@@ -4,22 +4,14 @@ import math
 
 from numba import types
 
+from deli.kernels.codes import ACCUMULATED, DONE, POSITION, REFLECTION, REFRESH, UNBALANCED
 from deli.kernels.compiled import find_root, kernel, unit
 from deli.kernels.contacts import VIOLATED, begin, find_gaps, finite, gradients_here, strayed, velocity_zeros
 from deli.kernels.forces import gradient
 from deli.kernels.fractions import energy_after, gap_after, take
+from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.reflection import reflect
 from deli.kernels.rows import normal
-from deli.kernels.system import (
-    ACCUMULATED,
-    DONE,
-    MACHINE,
-    POSITION,
-    REFLECTION,
-    REFRESH,
-    UNBALANCED,
-    Machine,
-)
 from deli.kernels.tally import copy_tally, skip
 
 _ROUNDING = 2.0**-52

@@ -4,20 +4,13 @@ import math
 
 import numpy as np
 
+from deli.kernels.codes import BILATERAL_GRADIENTS, DONE, NOT_FINITE, REFRESH, UNILATERAL, UNILATERAL_GRADIENTS
 from deli.kernels.compiled import kernel
 from deli.kernels.forces import ask, gradient
+from deli.kernels.machine import Machine
 from deli.kernels.rows import normal, values, weight
-from deli.kernels.system import (
-    BILATERAL_GRADIENTS,
-    DONE,
-    NOT_FINITE,
-    REFRESH,
-    UNILATERAL,
-    UNILATERAL_GRADIENTS,
-    Machine,
-    System,
-    Work,
-)
+from deli.kernels.system import System
+from deli.kernels.work import Work
 from deli.mechanics.tables import OTHER
 
 VIOLATED = 1e-12  # scaled gap below which a constraint is violated by more than rounding

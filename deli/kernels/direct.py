@@ -2,12 +2,13 @@
 
 from numba import types
 
+from deli.kernels.codes import AFFINE, DONE, MOVING, POSITION, REFRESH
 from deli.kernels.compiled import kernel, unit
 from deli.kernels.contacts import VIOLATED, begin, find_gaps, finite, gradients_here, strayed
 from deli.kernels.forces import gradient
+from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.position import predict, update
 from deli.kernels.rows import normal, rate
-from deli.kernels.system import AFFINE, DONE, MACHINE, MOVING, POSITION, REFRESH, Machine
 from deli.kernels.tally import skip
 
 _FORECAST = 0.5  # of a step, after which Moreau's scheme looks for constraints that are met
@@ -51,7 +52,7 @@ def _select_violated(machine: Machine, count: int) -> tuple[int, int]:
 
 
 @kernel
-def _move(machine: Machine) -> tuple[int, int]:
+def move(machine: Machine) -> tuple[int, int]:
     """Position update with all the constraints it meets; return a code and how many rows that took."""
     system, method, work = machine.system, machine.method, machine.work
     held = system.bilateral.kind.size
@@ -127,7 +128,7 @@ def substitute(machine: Machine, known: int, _one: int, _two: int) -> int:
         work.momentum[k] = work.p[k]
     if strayed(machine, work.moved):
         return REFRESH
-    code, count = _move(machine)
+    code, count = move(machine)
     if code == DONE:
         code = REFRESH if strayed(machine, work.moved) else _carry(machine)
     if code == DONE:

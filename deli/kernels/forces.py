@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 
+from deli.kernels.codes import DONE, ENERGY, GRADIENT, HESSIAN, RAISED
 from deli.kernels.compiled import call, kernel
-from deli.kernels.system import DONE, ENERGY, GRADIENT, HESSIAN, RAISED, Machine
+from deli.kernels.machine import Machine
 from deli.mechanics.tables import SPRING, Terms
 
 SHORTEST = 1e-150  # stands in for the length of a spring whose ends coincide

@@ -9,13 +9,14 @@ and ``work.impulse`` is the reflection's.
 
 from numba import types
 
+from deli.kernels.codes import DONE, UNILATERAL
 from deli.kernels.compiled import kernel, unit
 from deli.kernels.contacts import gradients_here
 from deli.kernels.forces import ask, energy
+from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.position import predict, update
 from deli.kernels.projection import carry
 from deli.kernels.rows import value
-from deli.kernels.system import DONE, MACHINE, UNILATERAL, Machine
 from deli.mechanics.tables import OTHER
 
 _OUTER = 1.0 / (2.0 - 2.0 ** (1.0 / 3.0))

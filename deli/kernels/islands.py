@@ -4,7 +4,9 @@ import numpy as np
 from numba import types
 
 from deli.kernels.compiled import kernel, unit
-from deli.kernels.system import MACHINE, Islands, Machine, System
+from deli.kernels.machine import MACHINE, Machine
+from deli.kernels.system import System
+from deli.kernels.work import Islands
 
 
 @kernel

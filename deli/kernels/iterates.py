@@ -2,14 +2,11 @@
 
 import math
 
+from deli.kernels.codes import DONE
 from deli.kernels.compiled import kernel
 from deli.kernels.forces import hessian
-from deli.kernels.system import (
-    DONE,
-    Islands,
-    Machine,
-    Work,
-)
+from deli.kernels.machine import Machine
+from deli.kernels.work import Islands, Work
 
 _ROUNDING = 8 * 2.0**-52
 

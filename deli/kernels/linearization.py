@@ -2,21 +2,13 @@
 
 import numpy as np
 
+from deli.kernels.codes import AFFINE, BILATERAL, BILATERAL_GRADIENTS, DONE, MOVING, UNILATERAL, UNILATERAL_GRADIENTS
 from deli.kernels.compiled import kernel
 from deli.kernels.contacts import copy
 from deli.kernels.forces import ask, gradient
+from deli.kernels.machine import Machine
 from deli.kernels.rows import normal, value
 from deli.kernels.solve import along, gather_rows
-from deli.kernels.system import (
-    AFFINE,
-    BILATERAL,
-    BILATERAL_GRADIENTS,
-    DONE,
-    MOVING,
-    UNILATERAL,
-    UNILATERAL_GRADIENTS,
-    Machine,
-)
 
 
 @kernel

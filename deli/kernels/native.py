@@ -7,7 +7,7 @@ from numba import types
 
 from deli.kernels.compiled import kernel, unit
 from deli.kernels.dense import backward, forward
-from deli.kernels.system import PROGRAM, Program
+from deli.kernels.program import PROGRAM, Program
 from solvers.native import project_within, residuals
 
 LARGEST = 150  # rows that press at once, beyond which a sparse solver is faster

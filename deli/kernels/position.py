@@ -4,23 +4,15 @@ import math
 
 from numba import types
 
+from deli.kernels.codes import AFFINE, DONE, MOVING, POSITION, SOFTEN, UNCONVERGED
 from deli.kernels.compiled import kernel, unit
 from deli.kernels.dense import backward, factorize, forward
 from deli.kernels.forces import ask, hessian
 from deli.kernels.islands import connect
 from deli.kernels.iterates import floor, judge, keep
 from deli.kernels.linearization import bounds, evaluate, evaluate_affine, first_force, reached
+from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.solve import gather_rows, solve
-from deli.kernels.system import (
-    AFFINE,
-    DONE,
-    MACHINE,
-    MOVING,
-    POSITION,
-    SOFTEN,
-    UNCONVERGED,
-    Machine,
-)
 from deli.kernels.tally import measure, skip
 
 _TARGET = 1e-14  # scaled residual at which the iteration is done

@@ -2,13 +2,14 @@
 
 from numba import types
 
+from deli.kernels.codes import AFFINE, BILATERAL_GRADIENTS, DONE, PROJECTION, UNILATERAL_GRADIENTS
 from deli.kernels.compiled import kernel, unit
 from deli.kernels.contacts import copy
 from deli.kernels.forces import ask, gradient
 from deli.kernels.islands import connect
+from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.rows import normal
 from deli.kernels.solve import append, solve
-from deli.kernels.system import AFFINE, BILATERAL_GRADIENTS, DONE, MACHINE, PROJECTION, UNILATERAL_GRADIENTS, Machine
 from deli.kernels.tally import skip
 
 

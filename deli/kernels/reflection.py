@@ -5,21 +5,11 @@ import math
 import numpy as np
 from numba import types
 
+from deli.kernels.codes import DONE, FASTEST, GENERALIZED, MOREAU, NO_DIRECTION, REFLECTION, SEQUENTIAL, TOO_MANY_PASSES
 from deli.kernels.compiled import address_of, call, kernel, unit
 from deli.kernels.islands import connect
+from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.rows import rate, weight
-from deli.kernels.system import (
-    DONE,
-    FASTEST,
-    GENERALIZED,
-    MACHINE,
-    MOREAU,
-    NO_DIRECTION,
-    REFLECTION,
-    SEQUENTIAL,
-    TOO_MANY_PASSES,
-    Machine,
-)
 from deli.kernels.tally import skip
 from deli.kernels.turning import turn_back
 

@@ -5,9 +5,11 @@ import math
 import numpy as np
 from numba import types
 
+from deli.kernels.codes import DONE, RAISED
 from deli.kernels.compiled import call, kernel, seconds, unit
+from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.native import LARGEST, project_program
-from deli.kernels.system import DONE, EXPORT, MACHINE, PROGRAM, RAISED, Export, Machine, Program
+from deli.kernels.program import EXPORT, PROGRAM, Export, Program
 from deli.kernels.tally import SOLVED, measure, note
 from deli.mechanics.tables import OTHER, Rows
 

@@ -2,6 +2,7 @@
 
 from numba import types
 
+from deli.kernels.codes import AFFINE, BILATERAL, DONE, POSITION, REFLECTION, REFRESH, UNILATERAL
 from deli.kernels.compiled import kernel, unit
 from deli.kernels.contacts import (
     begin,
@@ -14,21 +15,11 @@ from deli.kernels.contacts import (
     velocity_zeros,
 )
 from deli.kernels.forces import ask
+from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.position import predict, update
 from deli.kernels.projection import carry
 from deli.kernels.reflection import reflect
 from deli.kernels.rows import normal, rate, value
-from deli.kernels.system import (
-    AFFINE,
-    BILATERAL,
-    DONE,
-    MACHINE,
-    POSITION,
-    REFLECTION,
-    REFRESH,
-    UNILATERAL,
-    Machine,
-)
 from deli.kernels.tally import copy_tally, skip
 
 

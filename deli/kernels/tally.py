@@ -3,7 +3,7 @@
 import math
 
 from deli.kernels.compiled import kernel
-from deli.kernels.system import Tally
+from deli.kernels.work import Tally
 
 SKIPPED, SOLVED, UNUSED = 0, 1, 4
 

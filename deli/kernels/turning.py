@@ -5,18 +5,13 @@ import math
 import numpy as np
 from numba import types
 
+from deli.kernels.codes import DONE, INDEFINITE, REFLECTION
 from deli.kernels.compiled import kernel, unit
 from deli.kernels.dense import backward, factorize, forward
 from deli.kernels.forces import hessian
+from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.rows import push, rate, weight
 from deli.kernels.solve import append, gather_rows, solve
-from deli.kernels.system import (
-    DONE,
-    INDEFINITE,
-    MACHINE,
-    REFLECTION,
-    Machine,
-)
 
 
 @kernel

@@ -43,6 +43,7 @@ class Gathering:
             "steps": ((rows,), np.int64),
             "position": ((rows, schema.dof), np.float64),
             "momentum": ((rows, schema.dof), np.float64),
+            "memory": ((rows, len(schema.memory), schema.dof), np.float64),
             "diagnostics": ((rows, columns), np.float64),
             "counts": ((rows, len(COUNTS), 3), np.int64),
             "times": ((rows, 2, 3), np.float64),
@@ -77,6 +78,7 @@ class Gathering:
             "time": time,
             "position": fields.position,
             "momentum": fields.momentum,
+            **{name: fields.memory[:, :, k] for k, name in enumerate(self._schema.memory)},
             **named_diagnostics(fields.diagnostics, self._schema.dimension),
             "smooth_contacts": fields.contacts[..., 0],
             "reflected_contacts": fields.contacts[..., 1],
@@ -104,8 +106,9 @@ class Gathering:
         fields, rows = self.fields, self.fields.steps.shape[1]
         for member in np.flatnonzero(fields.progress[:, 1] < rows):
             rest = slice(int(fields.progress[member, 1]), None)
-            for array in (fields.position, fields.momentum, fields.diagnostics, fields.times, fields.residuals):
+            for array in (fields.position, fields.momentum, fields.memory, fields.diagnostics):
                 array[member, rest] = np.nan
+            fields.times[member, rest], fields.residuals[member, rest] = np.nan, np.nan
             fields.counts[member, rest], fields.contacts[member, rest] = 0, 0
             fields.status[member, rest] = UNUSED
 

@@ -56,6 +56,8 @@ class Recorder:
     sink : Sink
     first_row : int
         Rows that earlier sessions have recorded.
+    memory : tuple of str
+        Names of what the method carries from step to step besides q and p.
 
     Attributes
     ----------
@@ -63,16 +65,19 @@ class Recorder:
         Where a stepper writes its rows.
     """
 
-    def __init__(self, scene: Scene, step_size: float, sink: Sink, first_row: int = 0) -> None:
+    def __init__(
+        self, scene: Scene, step_size: float, sink: Sink, first_row: int = 0, memory: tuple[str, ...] = ()
+    ) -> None:
         from deli.kernels.advance import make_block  # compiles what it imports
 
         self._scene = scene
         self._step_size = step_size
         self._sink = sink
         self._first_row = first_row
+        self._remembered = memory
         self._dtypes = {variable.name: variable.dtype for variable in Schema(scene.dof, scene.dimension).groups[STATS]}
         rows = int(np.clip(BLOCK_BYTES // (16 * scene.dof), 1, MOST_ROWS))
-        self.block = make_block(rows, scene.dof, scene.dimension)
+        self.block = make_block(rows, scene.dof, scene.dimension, len(memory))
 
     @property
     def buffered(self) -> int:
@@ -103,6 +108,7 @@ class Recorder:
             "time": block.steps[:count] * self._step_size,
             "position": block.position[:count].copy(),
             "momentum": block.momentum[:count].copy(),
+            **{name: block.memory[:count, k].copy() for k, name in enumerate(self._remembered)},
             **named_diagnostics(block.diagnostics[:count].copy(), self._scene.dimension),
             "smooth_contacts": block.contacts[:count, 0].copy(),
             "reflected_contacts": block.contacts[:count, 1].copy(),

@@ -53,11 +53,13 @@ class Schema:
     """The groups of a run of a system with `dof` degrees of freedom in `dimension` dimensions.
 
     Group ``trajectory`` grows along ``time`` (row 0 is the initial state), group ``solver_stats`` along ``step``:
-    ``step`` k leads from row k to row k + 1 and sums up all integration steps between them.
+    ``step`` k leads from row k to row k + 1 and sums up all integration steps between them. `memory` names what the
+    method carries from step to step besides position and momentum.
     """
 
     dof: int
     dimension: int
+    memory: tuple[str, ...] = ()
 
     @property
     def groups(self) -> dict[str, tuple[Variable, ...]]:
@@ -89,7 +91,7 @@ class Schema:
         if angular:
             about = "total angular momentum about the origin, sum of r x p"
             variables += (Variable("angular_momentum", angular, "f8", "M L2 T-1", about),)
-        return variables + _CONTACT
+        return variables + _CONTACT + tuple(_MEMORY[name] for name in self.memory)
 
 
 def _time(name: str, long_name: str) -> Variable:
@@ -148,6 +150,13 @@ _CONTACT = (
         "contacts reflected in the steps since the row before, summed over steps",
     ),
 )
+_MEMORY = {
+    variable.name: variable
+    for variable in (
+        Variable("auxiliary_acceleration", ("time", "dof"), "f8", "L T-2", "acceleration a that the method averages"),
+        Variable("smooth_acceleration", ("time", "dof"), "f8", "L T-2", "acceleration of the motion without contacts"),
+    )
+}
 _STATS = (
     Variable("step", ("step",), "i8", "1", "interval between rows: step k leads from row k to row k + 1"),
     Variable("subproblem", ("subproblem",), "str", "1", "convex subproblem of an integration step"),

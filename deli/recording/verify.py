@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from deli.integrators.registry import METHODS
 from deli.recording import provenance, reading
 from deli.recording.recorder import diagnose
 from deli.recording.schema import STATS, TRAJECTORY, Groups, Schema, build_tree, dataset_of
@@ -37,14 +38,15 @@ def verify(path: Path) -> list[Finding]:
     run = build_tree(groups, attributes)
     config = tomllib.loads(attributes["config"])
     findings = [Finding("outcome", None, attributes["outcome"])]
-    findings += [_schema(groups), _rows(path, run), _finite(run), _times(run, config)]
+    findings += [_schema(groups, config["method"]["name"]), _rows(path, run), _finite(run), _times(run, config)]
     return findings + list(_diagnostics(run))
 
 
-def _schema(groups: Groups) -> Finding:
-    dimension = len(groups[TRAJECTORY]["axis"][1])
+def _schema(groups: Groups, method: str) -> Finding:
+    dof, dimension = (len(groups[TRAJECTORY][name][1]) for name in ("dof", "axis"))
+    memory = METHODS[method].MEMORY if method in METHODS else ()
     wrong = []
-    for group, variables in Schema(len(groups[TRAJECTORY]["dof"][1]), dimension).groups.items():
+    for group, variables in Schema(dof, dimension, memory).groups.items():
         for variable in variables:
             name = f"{group}/{variable.name}"
             if variable.name not in groups[group]:

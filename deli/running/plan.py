@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from deli.errors import InputError
+from deli.integrators.integrator import Integrator
 from deli.mechanics.scene import Scene
 from deli.recording import provenance
 from deli.recording.paths import check_output
@@ -20,7 +21,7 @@ class Plan:
     """A checked run: see `deli.simulate` for the meaning of each field."""
 
     scene: Scene
-    method: Any
+    method: Integrator
     step_size: float
     steps: int
     solvers: Any
@@ -57,6 +58,11 @@ class Plan:
             every=self.every,
         )
 
+    @property
+    def memory(self) -> tuple[str, ...]:
+        """Names of what the method carries from step to step besides q and p, and so is recorded."""
+        return self.method.MEMORY
+
     def stepper(self, scene: Scene | None = None) -> Any:
         """A fresh stepper of the method, for the plan's scene or another."""
         return self.method.stepper(
@@ -92,7 +98,7 @@ def make_plan(
     """
     if not isinstance(scene, Scene):
         raise InputError(f"scene is {scene!r}; expected a deli.Scene, such as deli.scenes.point_mass().")
-    if isinstance(method, type) or not hasattr(method, "stepper"):
+    if not isinstance(method, Integrator):
         raise InputError(f"method is {method!r}; expected a method's instance, such as deli.GVI().")
     size = _positive("step_size", step_size)
     for name, flag in (("skip", skip), ("resume", resume), ("overwrite", overwrite)):

@@ -37,14 +37,14 @@ class Session:
         self._began = time.perf_counter()
         self._stepper = plan.stepper()
         self._attributes = provenance.attributes(config, plan.scene)
-        self._schema = Schema(plan.scene.dof, plan.scene.dimension)
-        self._q, self._p = plan.scene.position, plan.scene.momentum
-        self._energy = float(energies.hamiltonian(plan.scene, self._q, self._p))
+        self._schema = Schema(plan.scene.dof, plan.scene.dimension, plan.memory)
+        self._state: tuple[np.ndarray, ...] = (plan.scene.position, plan.scene.momentum)
+        self._energy = float(energies.hamiltonian(plan.scene, *self._state))
         self._memory, self._writer, first_row = Memory(), None, 0
         if plan.output is not None:
             self._writer, first_row = self._open(partial_path(plan.output), config)
-        self._recorder = Recorder(plan.scene, plan.step_size, self._writer or self._memory, first_row)
-        self._stepper.place(self._q, self._p)
+        self._recorder = Recorder(plan.scene, plan.step_size, self._writer or self._memory, first_row, plan.memory)
+        self._stepper.place(*self._state)
         self._progress = self._recorder.block.fields.progress
         if first_row == 0:
             self._stepper.record(self._recorder.block)
@@ -82,12 +82,18 @@ class Session:
             if rows:
                 provenance.require_same(attributes["config"], config, path)
                 self._require_same_functions(groups, path)
-                self._q, self._p = (groups[TRAJECTORY][name][1][-1] for name in ("position", "momentum"))
+                self._state = self._last_state(groups)
                 return netcdf.Writer.reopen(path), rows
         return netcdf.Writer.create(path, self._schema, self._attributes), 0
 
+    def _last_state(self, groups: Groups) -> tuple[np.ndarray, ...]:
+        last = {name: groups[TRAJECTORY][name][1][-1] for name in ("position", "momentum", *self._plan.memory)}
+        position, momentum, *memory = last.values()
+        return (position, momentum, np.array(memory)) if memory else (position, momentum)
+
     def _require_same_functions(self, groups: Groups, path: Path) -> None:
-        first = diagnose(self._plan.scene, self._q[np.newaxis], self._p[np.newaxis])
+        position, momentum = self._state
+        first = diagnose(self._plan.scene, position[np.newaxis], momentum[np.newaxis])
         for name, values in first.items():
             recorded = groups[TRAJECTORY][name][1][:1]
             if not np.allclose(recorded, values, rtol=1e-9, atol=1e-12, equal_nan=True):
@@ -120,7 +126,7 @@ class Session:
             self._recorder.flush()
             self._flushed = time.perf_counter()
         if self._bar.active:
-            energy = float(energies.hamiltonian(self._plan.scene, *self._stepper.state))
+            energy = float(energies.hamiltonian(self._plan.scene, *self._stepper.state[:2]))
             self._bar.update(self._step, energy - self._energy)
 
     def _record_last_good(self) -> None:

@@ -9,9 +9,9 @@ from scipy import sparse
 
 import solvers
 from deli.errors import InputError, StepError
+from deli.kernels.program import EXPORT, PROGRAM, Export, Program
 from deli.kernels.record import Record
 from deli.kernels.solve import export
-from deli.kernels.system import EXPORT, PROGRAM, Export, Program
 from deli.subproblems.choices import NATIVE, SUBPROBLEMS, SolverChoice
 from deli.subproblems.rows import DENSE, Patterns, find_patterns
 from deli.subproblems.stats import StepStats

@@ -1,6 +1,7 @@
 """Momentum projection (7.5, 7.6, 7.9): momentum returns to the cotangent space of the constraints that stay active.
 
-Equality rows only: one linear solve answers it exactly, so the model is solved only where ``skip`` is false.
+With equality rows only one linear solve answers it exactly, and the model is solved only where ``skip`` is false.
+Inequality rows are those of methods whose contacts have a law of restitution in the velocities.
 """
 
 from typing import TYPE_CHECKING
@@ -13,10 +14,12 @@ if TYPE_CHECKING:
     import cvxpy as cp
 
 
-def model(mass: np.ndarray, _rows: int, tangent_rows: int, patterns: Patterns = DENSE) -> "cp.Problem":
+def model(mass: np.ndarray, rows: int, tangent_rows: int, patterns: Patterns = DENSE) -> "cp.Problem":
     """Nearest velocity, in kinetic energy, that is tangent to all smooth and bilateral constraints at x.
 
     ``minimize ½|v − v̂|²_M  subject to  [N_𝕊(x) F(x)]ᵀv = 0  (μ, ξ)``,  with v̂ = M⁻¹D₂L_d(q, x).
+
+    In the nonsmooth generalized-alpha method v̂ = ṽ, and contacts that x closes add  G(x)ᵀv ≥ −e G(q)ᵀv(q)  (Λ ≥ 0).
     """
     import cvxpy as cp
 
@@ -24,6 +27,10 @@ def model(mass: np.ndarray, _rows: int, tangent_rows: int, patterns: Patterns = 
     linear = cp.Parameter(len(mass), name="linear")  # −M v̂
     objective = 0.5 * cp.quad_form(velocity, constant_metric(mass)) + linear @ velocity
     constraints = []
+    if rows:
+        gradients = matrix("gradients", rows, len(mass), patterns[0])
+        bounds = cp.Parameter(rows, name="bounds")
+        constraints.append(gradients @ velocity >= bounds)
     if tangent_rows:
         tangents = matrix("bilateral", tangent_rows, len(mass), patterns[1])
         constraints.append(tangents @ velocity == 0)

@@ -37,7 +37,7 @@ class StepStats:
     """
 
     def __init__(self) -> None:
-        from deli.kernels.system import Tally  # loads the compiler, which the names above do without
+        from deli.kernels.work import Tally  # loads the compiler, which the names above do without
 
         # Apart from what the steppers of other threads write to, which processors would keep from this one.
         counts, times, residuals, status, contacts = np.split(np.zeros(74, dtype=np.int64)[16:58], (21, 27, 36, 39))

@@ -10,7 +10,6 @@ import deli
 from deli.config import load, parse
 from deli.config.models import method_model, scene_model
 from deli.errors import InputError
-from deli.integrators.choices import choices_of
 from deli.integrators.registry import METHODS
 
 POGO = """
@@ -227,4 +226,4 @@ def test_models_cover_scenes_and_methods():
     for method in METHODS.values():
         fields = {field.name: field.default for field in dataclasses.fields(method)}
         assert set(method_model(method).model_fields) == {"name", *fields}
-        assert {key for key, default in fields.items() if isinstance(default, str)} <= set(choices_of(method))
+        assert {key for key, default in fields.items() if isinstance(default, str)} <= set(method.CHOICES)

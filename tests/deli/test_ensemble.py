@@ -69,6 +69,8 @@ CASES = {
     ),
     "chains": (lambda: [deli.scenes.granular_chain() for _ in range(2)], deli.GVI(), 0.001, "daqp"),
     "smooth": (pogo_sticks, deli.DiscreteSmooth(), 0.01, "auto"),
+    "with a memory": (pogo_sticks, deli.NonsmoothAlpha(), 0.05, "auto"),
+    "functions, with a memory": (user_made, deli.NonsmoothAlpha(), 0.05, "daqp"),
     "functions": (user_made, deli.GVI(), 0.01, "daqp"),
     "mixed": (mixed, deli.GVI(energy="numerical"), 0.01, "auto"),
 }

@@ -13,7 +13,10 @@ PERTURBATION = 1e-9  # below the contact tolerance, so that contacts stay what t
 
 @dataclass(frozen=True)
 class Run:
-    """States (steps + 1, dof), and per step: contacts, solver counts (steps, 3), worst residual and status."""
+    """States (steps + 1, dof), and per step: contacts, solver counts (steps, 3), worst residual and status.
+
+    `states` are the same as a stepper takes them: with what the method carries besides q and p.
+    """
 
     scene: deli.Scene
     position: np.ndarray
@@ -25,6 +28,7 @@ class Run:
     residuals: np.ndarray
     status: np.ndarray
     backends: set[str]
+    states: list[tuple[np.ndarray, ...]]
 
     @property
     def steps(self) -> int:
@@ -62,16 +66,14 @@ def energy(scene: deli.Scene, position: np.ndarray, momentum: np.ndarray) -> np.
 
 
 def run(scene: deli.Scene, method: object, step_size: float, steps: int, solvers: object = "daqp", **options) -> Run:
-    """Step `steps` times from the scene's initial state, or from ``start=(q, p)``."""
-    q, p = options.pop("start", (scene.position, scene.momentum))
+    """Step `steps` times from the scene's initial state, or from another one, ``start``."""
+    states = [options.pop("start", (scene.position, scene.momentum))]
     stepper = method.stepper(scene, step_size, solvers=solvers, **options)
     stats = stepper.stats
-    positions, momenta, smooth, reflected, solves, skipped, residuals, status = [q], [p], [], [], [], [], [], []
+    smooth, reflected, solves, skipped, residuals, status = [], [], [], [], [], []
     for _ in range(steps):
         stats.reset()
-        q, p = stepper.step(q, p)
-        positions.append(q)
-        momenta.append(p)
+        states.append(stepper.step(*states[-1]))
         smooth.append(stats.smooth_contacts)
         reflected.append(stats.reflected_contacts)
         solves.append(stats.solves.copy())
@@ -81,8 +83,8 @@ def run(scene: deli.Scene, method: object, step_size: float, steps: int, solvers
         status.append(stats.status.copy())
     return Run(
         scene,
-        np.array(positions),
-        np.array(momenta),
+        np.array([state[0] for state in states]),
+        np.array([state[1] for state in states]),
         np.array(smooth),
         np.array(reflected),
         np.array(solves),
@@ -90,6 +92,7 @@ def run(scene: deli.Scene, method: object, step_size: float, steps: int, solvers
         np.array(residuals),
         np.array(status),
         stepper.backends,
+        states,
     )
 
 

@@ -33,6 +33,7 @@ def test_advancing_is_stepping_to_the_bit(case: Case, solvers: str) -> None:
         deli.GVI(scheme=case.scheme),
         deli.GVI(scheme=case.scheme, energy="numerical", predictor="closed_loop"),
         deli.DiscreteSmooth(scheme=case.scheme),
+        deli.NonsmoothAlpha(),
     ):
         known = run(scene, method, case.step_size, case.steps, solvers=solvers)
         for every in (1, 7):

@@ -6,7 +6,7 @@ from scipy import sparse
 
 import deli
 import solvers
-from deli.kernels.system import Program
+from deli.kernels.program import Program
 from deli.subproblems import position, program
 from deli.subproblems.choices import SolverChoice
 from deli.subproblems.program import ProgramSolver

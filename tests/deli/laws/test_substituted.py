@@ -40,6 +40,16 @@ def moreau_jean(theta, restitution, h):
     return step
 
 
+def nonsmooth_alpha(restitution, h):
+    def step(q, p):
+        carried, x = p - h * GRAVITY, q + h * p - 0.5 * h**2 * GRAVITY
+        if x <= 1e-8:
+            carried = max(carried, -restitution * p)
+        return max(x, 0.0), carried
+
+    return step
+
+
 CLOSED = [
     (deli.Direct("midpoint"), lambda h: direct(0.5, h)),
     (deli.Direct("endpoint"), lambda h: direct(1.0, h)),
@@ -51,6 +61,8 @@ CLOSED = [
     (deli.Newmark(0.0, 0.5, imex=True), lambda h: newmark(0.0, 0.5, True, h)),
     (deli.MoreauJean(), lambda h: moreau_jean(0.5, 1.0, h)),
     (deli.MoreauJean(0.7, 0.4), lambda h: moreau_jean(0.7, 0.4, h)),
+    (deli.NonsmoothAlpha(), lambda h: nonsmooth_alpha(1.0, h)),
+    (deli.NonsmoothAlpha(0.2, 0.4), lambda h: nonsmooth_alpha(0.4, h)),
 ]
 
 
@@ -59,11 +71,11 @@ CLOSED = [
 def test_a_falling_mass_follows_the_closed_form(method, closed, h):
     scene = deli.scenes.point_mass()
     stepper, step = method.stepper(scene, h), closed(h)
-    q, p = scene.position, scene.momentum
+    state = (scene.position, scene.momentum)
     for _ in range(120):
-        expected = step(float(q[0]), float(p[0]))
-        q, p = stepper.step(q, p)
-        np.testing.assert_allclose([q[0], p[0]], expected, rtol=1e-11, atol=1e-11)
+        expected = step(float(state[0][0]), float(state[1][0]))
+        state = stepper.step(*state)
+        np.testing.assert_allclose([state[0][0], state[1][0]], expected, rtol=1e-11, atol=1e-11)
 
 
 def test_the_midpoint_step_minimizes_b14():
@@ -128,6 +140,7 @@ FREE = deli.Scene(
         (deli.Newmark(0.0, 0.5), deli.GVI("verlet")),
         (deli.Newmark(0.0, 0.5, imex=True), deli.GVI("verlet")),
         (deli.Newmark(0.25, 0.5), deli.MoreauJean(0.5)),
+        (deli.Newmark(0.25, 0.5), deli.NonsmoothAlpha(1.0)),
     ],
     ids=str,
 )
@@ -160,6 +173,8 @@ def test_moreau_jean_keeps_momentum_and_energy_of_an_elastic_blow():
         (lambda: deli.Newmark(imex=1), r"imex is 1; allowed: true or false"),
         (lambda: deli.MoreauJean(theta=0.2), r"theta is 0\.2; allowed: a number from 0\.5 to 1"),
         (lambda: deli.MoreauJean(restitution=float("nan")), r"restitution is nan"),
+        (lambda: deli.NonsmoothAlpha(spectral_radius=1.1), r"spectral_radius is 1\.1; allowed: a number from 0 to 1"),
+        (lambda: deli.NonsmoothAlpha(restitution=True), r"restitution is True"),
         (lambda: deli.GVI(linearized="yes"), r"linearized is 'yes'"),
     ],
 )

@@ -1,0 +1,163 @@
+"""A scene bound to a method and its solvers: the machine that kernels are called with."""
+
+import time
+from typing import Any
+
+import numpy as np
+
+from deli.errors import StepError
+from deli.integrators.arrays import mail_arrays, work_arrays
+from deli.integrators.binding import bind_method, bind_system, search
+from deli.integrators.bridge import Bridge
+from deli.integrators.recipe import Recipe
+from deli.kernels import codes
+from deli.kernels.advance import has_strayed
+from deli.kernels.compiled import UNITS, Unit
+from deli.kernels.machine import MACHINE, Machine
+from deli.kernels.record import Record
+from deli.mechanics.scene import Scene
+from deli.subproblems import position, projection, reflection
+from deli.subproblems.choices import SolverChoice
+from deli.subproblems.program import ProgramSolver
+from deli.subproblems.stats import StepStats
+
+_SEARCHES = 16  # times that neighbours are searched, ever farther, before a step is given up
+_MODELS = (
+    (reflection.model, reflection.numerical_model),
+    (position.model, position.newton_model),
+    (projection.model, projection.model),
+)
+
+
+class Bound:
+    """A scene with a method: what they are to kernels, and what kernels ask of Python.
+
+    Parameters
+    ----------
+    scene : Scene
+    recipe : Recipe
+    step_size : float
+    choices : dict of SolverChoice
+        By subproblem.
+    skip : bool
+    contact_tolerance : float
+    stats : StepStats
+        Where kernels count.
+
+    Attributes
+    ----------
+    method : deli.kernels.system.Method
+    unit : Unit
+        That takes a step.
+    work : deli.kernels.work.Work
+        The arrays of the step at hand, `q`, `p` and `memory` those of its state.
+    search_seconds : float
+        That searches for neighbours have taken.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        recipe: Recipe,
+        step_size: float,
+        choices: dict[str, SolverChoice],
+        skip: bool,
+        contact_tolerance: float,
+        stats: StepStats,
+    ) -> None:
+        self.recipe, self.step_size = recipe, step_size
+        self.unit = UNITS[recipe.unit]
+        self.method = bind_method(recipe, step_size, choices, skip, contact_tolerance)
+        self._stats = stats
+        self.search_seconds = 0.0
+        self._take(scene)
+        self._solvers = [
+            ProgramSolver(number, *pair, self._program, choice, stats, measured=number != codes.POSITION, skip=skip)
+            for number, (pair, choice) in enumerate(zip(_MODELS, choices.values(), strict=True))
+        ]
+        self._connect()
+
+    @property
+    def backends(self) -> set[str]:
+        """Names of the backends that have been asked for an answer."""
+        return set().union(*(solver.backends for solver in self._solvers))
+
+    def switch(self, scene: Scene, system: int | None) -> None:
+        """Take another scene in the place of this one; see `deli.integrators.stepper.Stepper.switch`."""
+        if system is None:
+            self._take(scene)
+            self._hand_on()
+            self._connect()
+        else:
+            self.scene, self._tries = scene, 0
+            self._machine.point("system", system)
+
+    def place(self, position: np.ndarray, momentum: np.ndarray, memory: np.ndarray | None) -> None:
+        """Put the scene in a state; see `deli.integrators.stepper.Stepper.place`."""
+        self.work.q[:] = position
+        self.work.p[:] = momentum
+        if self.recipe.begin is not None:
+            self.work.memory[:] = self.recipe.begin(self.scene, self.work.q) if memory is None else memory
+        self._tries = 0
+        if self.scene.unilateral.searched:
+            known = self._system.reference.size and not self.call(has_strayed)
+            if not known:
+                self._search(1.0)
+
+    def call(self, unit: Unit, *arguments: Any) -> int:
+        """Call a unit; what it asks of Python may overflow, which is seen in what comes of it."""
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            code: int = unit.call(self._machine.address, *arguments)
+        return code
+
+    def forget(self) -> BaseException | None:
+        """Return what a function of the user's, or a solver, has raised since the last call."""
+        return self._bridge.forget()
+
+    def advanced(self) -> None:
+        """Note that a step has been taken: the next one searches neighbours from where they usually are."""
+        self._tries = 0
+
+    def widen(self) -> None:
+        """Search neighbours anew, farther each time that the same step asks for it.
+
+        Raises
+        ------
+        StepError
+            If the step has asked too often.
+        """
+        if self._tries == _SEARCHES:
+            raise StepError("a body moves farther in one step than any search for neighbours; use a smaller step_size.")
+        self._search(2.0**self._tries)
+        self._tries += 1
+
+    def _take(self, scene: Scene) -> None:
+        numerical, memory = self.method.numerical, self.recipe.memory
+        self.scene, self._tries = scene, 0
+        self._system = bind_system(scene, self.method.implicit)
+        self._mail = mail_arrays(self._system, numerical)
+        self.work, self._islands, self._program = work_arrays(self._system, numerical, memory)
+
+    def _connect(self) -> None:
+        self._bridge = Bridge(self.scene, self._mail, self._solvers, self.method, self.unit.address)
+        self._build()
+
+    def _search(self, factor: float) -> None:
+        began, work = time.perf_counter(), self.work
+        self._system = search(self._system, self.scene, work.q, work.p, self.step_size, factor)
+        known = (work, self._islands, self._program)
+        self.work, self._islands, self._program = work_arrays(
+            self._system, self.method.numerical, self.recipe.memory, known
+        )
+        self._hand_on()
+        self._build()
+        self.search_seconds += time.perf_counter() - began
+
+    def _hand_on(self) -> None:
+        for solver in self._solvers:
+            solver.bind(self._program)
+
+    def _build(self) -> None:
+        self.work.span[0] = self.step_size
+        parts = (self._system, self.method, self.work, self._islands, self._program, self._mail, self._bridge.hooks)
+        self._machine = Record(MACHINE, Machine(*parts, self._stats.tally, StepStats().tally))

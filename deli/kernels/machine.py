@@ -1,0 +1,76 @@
+"""All that the kernels of one scene and method share, and their ways back to Python."""
+
+from typing import NamedTuple
+
+from deli.kernels.arrays import Matrix, Vector
+from deli.kernels.program import Program
+from deli.kernels.record import RecordType
+from deli.kernels.system import Method, System
+from deli.kernels.work import Islands, Tally, Work
+
+
+class Hooks(NamedTuple):
+    """Addresses of functions that are not compiled, 0 where there is none.
+
+    Attributes
+    ----------
+    evaluate : int
+        ``evaluate(what, 0, 0, 0)`` answers in `Mail`; what it returns is nonzero if the user's function raised.
+    solve : int
+        ``solve(subproblem, size, equalities, rows)`` solves the program in `Program`.
+    clock : int
+        ``clock_gettime`` of the C library.
+    numerical : int
+        The unit `deli.kernels.turning.turn_numerical`, which few runs need.
+    step : int
+        The unit that takes a step of the method.
+    root : int
+        ``brentq`` of SciPy, for methods that find roots.
+    """
+
+    evaluate: int
+    solve: int
+    clock: int
+    numerical: int
+    step: int
+    root: int
+
+
+class Mail(NamedTuple):
+    """What user functions read and write.
+
+    Attributes
+    ----------
+    at : (dof,) array
+    energy : (1,) array
+    gradient : (dof,) array
+    hessian : (dof, dof) array
+    unilateral, bilateral : (other rows,) arrays
+    unilateral_gradients, bilateral_gradients : (other rows, dof) arrays
+    """
+
+    at: Vector
+    energy: Vector
+    gradient: Vector
+    hessian: Matrix
+    unilateral: Vector
+    bilateral: Vector
+    unilateral_gradients: Matrix
+    bilateral_gradients: Matrix
+
+
+class Machine(NamedTuple):
+    """All that the kernels of one scene and method share; `kept` is the tally before a step that may be tried again."""
+
+    system: System
+    method: Method
+    work: Work
+    islands: Islands
+    program: Program
+    mail: Mail
+    hooks: Hooks
+    tally: Tally
+    kept: Tally
+
+
+MACHINE = RecordType(Machine)

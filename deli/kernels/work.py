@@ -1,0 +1,118 @@
+"""What a step works in: its arrays, the islands of bodies in contact, and the statistics."""
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deli.kernels.arrays import Flags, Matrix, Numbers, Vector
+
+
+class Work(NamedTuple):
+    """Arrays of one step, by degree of freedom, by unilateral row, by bilateral row.
+
+    `span` holds h, the size of the step at hand: words of a record never change, so no method could take a part of a
+    step if it were one. `here` is ∇V(q), `spot` where the constraints of a position update are taken, `base` and
+    `held_base` the values at u = 0 of rows that are affine. What collision integrators need is described in
+    `deli.kernels.fractions`, from `start` to `balance`. What a method carries from step to step besides q and p is
+    `memory`, of as many rows as it has names for, and becomes `remembered`.
+    """
+
+    span: Vector
+    q: Vector
+    p: Vector
+    memory: Matrix
+    moved: Vector
+    carried: Vector
+    remembered: Matrix
+    momentum: Vector
+    velocity: Vector
+    force: Vector
+    stress: Vector
+    here: Vector
+    spot: Vector
+    before: Vector
+    best: Vector
+    best_force: Vector
+    predicted: Vector
+    predicted_velocity: Vector
+    predicted_force: Vector
+    free_momentum: Vector
+    gaps: Vector
+    gaps_moved: Vector
+    base: Vector
+    normals: Matrix
+    normals_moved: Matrix
+    gradients: Matrix
+    gradients_moved: Matrix
+    approach: Vector
+    still: Vector
+    touching: Flags
+    active: Flags
+    landing: Flags
+    resting: Flags
+    marked: Numbers
+    chosen: Numbers
+    smooth: Numbers
+    pressing: Numbers
+    pressed: Vector
+    scaled: Vector
+    best_pressed: Vector
+    best_scaled: Vector
+    mismatch: Vector
+    held_base: Vector
+    held_normals: Matrix
+    held_normals_moved: Matrix
+    held_gradients: Matrix
+    held_gradients_moved: Matrix
+    start: Vector
+    start_momentum: Vector
+    event: Vector
+    event_momentum: Vector
+    incoming: Vector
+    impulse: Vector
+    meeting: Numbers
+    balance: Vector
+    report: Vector
+    ticks: Numbers
+
+
+class Islands(NamedTuple):
+    """Bodies and rows by connected component; see `deli.kernels.islands`.
+
+    `touched` lists the bodies whose labels are not -1, and ends with their number.
+    """
+
+    parent: Numbers
+    label: Numbers
+    place: Numbers
+    body_start: Numbers
+    bodies: Numbers
+    row_start: Numbers
+    rows: Numbers
+    held_start: Numbers
+    held: Numbers
+    touched: Numbers
+    joint_start: Numbers
+    joints: Numbers
+
+
+class Tally(NamedTuple):
+    """Statistics as `deli.subproblems.stats.StepStats` shows them.
+
+    Attributes
+    ----------
+    counts : (7, 3) int64 array
+        Solves, skipped, iterations, rows, fallbacks, claimed and verified solves, by subproblem.
+    times : (2, 3) array
+    residuals : (3, 3) array
+    status : (3,) int64 array
+    contacts : (3,) int64 array
+        Smooth contacts of the last step, reflected contacts since the last reset, programs solved natively ever.
+    """
+
+    counts: Annotated[NDArray[np.int64], 2]
+    times: Matrix
+    residuals: Matrix
+    status: Numbers
+    contacts: Numbers
