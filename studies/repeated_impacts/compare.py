@@ -24,7 +24,6 @@ import itertools
 import logging
 
 import numpy as np
-from deli.integrators.choices import choices_of
 from rich import box
 from rich.console import Console
 from rich.progress import track
@@ -32,6 +31,7 @@ from rich.table import Table
 
 import deli
 from deli.figures.exact import passing_points
+from deli.integrators.integrator import choices_of
 from deli.integrators.registry import METHODS
 
 STEPS = 100_000
