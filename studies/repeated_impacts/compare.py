@@ -31,7 +31,6 @@ from rich.table import Table
 
 import deli
 from deli.figures.exact import passing_points
-from deli.integrators.integrator import choices_of
 from deli.integrators.registry import METHODS
 
 STEPS = 100_000
@@ -62,7 +61,7 @@ SETTINGS = {
 def methods(problem, names):
     """Methods with their settings in words."""
     for name in names:
-        settings = SETTINGS[problem].get(name, choices_of(METHODS[name]))
+        settings = SETTINGS[problem].get(name, METHODS[name].CHOICES)
         for values in itertools.product(*settings.values()):
             chosen = dict(zip(settings, values, strict=True))
             said = [value if isinstance(value, str) else f"{key}={value}" for key, value in chosen.items()]
