@@ -91,10 +91,8 @@ def _draw_space(
     axes: Any = figure.subplots(subplot_kw={"projection": "3d"})
     _draw_paths(axes, paths)
     if scene is not None:
-        # Axes in space do not clip: a wall far beyond the paths would shrink them to a dot.
-        for centre, radius in shapes.containers(scene):
-            if np.linalg.norm(paths - centre, axis=-1).max() >= 0.5 * radius:
-                draw_container(axes, centre, radius)
+        for centre, radius in shapes.containers_near(scene, paths):
+            draw_container(axes, centre, radius)
         draw_links(axes, scene, paths[-1])
     axes.set_aspect("equal")
     axes.set_box_aspect(None, zoom=0.88)
