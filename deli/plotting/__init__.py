@@ -1,8 +1,11 @@
-"""Figures of a run: what it conserves over time, and where it goes."""
+"""Figures of a run: what it conserves over time, where it goes, and how it moves."""
 
+from deli.plotting.animation import animate, check_movie, save_animation
 from deli.plotting.figures import check_picture, energy, gaps, history, momenta, residuals, save, trajectory
 
 __all__ = [
+    "animate",
+    "check_movie",
     "check_picture",
     "energy",
     "gaps",
@@ -10,5 +13,6 @@ __all__ = [
     "momenta",
     "residuals",
     "save",
+    "save_animation",
     "trajectory",
 ]
