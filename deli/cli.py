@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from deli.commands.animate import animate
 from deli.commands.bench import bench
 from deli.commands.check import check
 from deli.commands.figures import figures
@@ -18,7 +19,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (run, plot, figures, check, scenes, methods, backends, bench):
+for command in (run, plot, animate, figures, check, scenes, methods, backends, bench):
     app.command()(command)
 
 

@@ -16,8 +16,8 @@ from deli.figures.model import DrawnRunTable, FigureConfig, PanelTable
 from deli.figures.quantities import QUANTITIES
 from deli.mechanics.scene import Scene
 from deli.plotting import shapes
-from deli.plotting.figures import STYLE, new_figure
 from deli.plotting.lines import color, draw_range, legend_above, unit
+from deli.plotting.style import STYLE, new_figure
 from deli.plotting.trajectory import draw_bodies, draw_container, draw_links, sphere
 from deli.recording.schema import dataset_of
 

@@ -1,39 +1,22 @@
 """Figures for notebooks and files."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 import xarray as xr
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
 
 from deli.errors import InputError
 from deli.mechanics.scene import Scene
-from deli.plotting.history import draw_history
-from deli.plotting.trajectory import draw_trajectory
-from deli.recording.provenance import scene_of
+from deli.plotting.history import draw_energy, draw_gaps, draw_history, draw_momenta, draw_residuals, set_time_axis
+from deli.plotting.style import STYLE, check_folder, known_scene, new_figure, run_title
+from deli.plotting.trajectory import draw_paths, draw_trajectory, tells_apart
 
 SUFFIXES = (".png", ".pdf", ".svg")
 DPI = 150
-STYLE: Any = {
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.titlesize": 10,
-    "axes.titlelocation": "left",
-    "axes.labelsize": 9,
-    "axes.formatter.use_mathtext": True,
-    "grid.color": "0.92",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
-    "legend.fontsize": 8,
-    "legend.frameon": False,
-    "lines.linewidth": 1.0,
-}
 
 
 def history(run: xr.DataTree) -> Figure:
@@ -51,11 +34,31 @@ def history(run: xr.DataTree) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = new_figure((8.0, 8.0))
         draw_history(figure, run)
-        figure.suptitle(_title(run), fontsize=10)
+        figure.suptitle(run_title(run), fontsize=10)
     return figure
 
 
-def trajectory(run: xr.DataTree, scene: Scene | None = None) -> Figure:
+def energy(run: xr.DataTree, ax: Axes | None = None) -> Figure | SubFigure:
+    """Draw the energy error over time; on the given axes, or in a figure of its own, which is returned."""
+    return _panel(draw_energy, run, ax)
+
+
+def momenta(run: xr.DataTree, ax: Axes | None = None) -> Figure | SubFigure:
+    """Draw the errors of conserved momenta over time (all momenta if none is), see `energy`."""
+    return _panel(draw_momenta, run, ax)
+
+
+def gaps(run: xr.DataTree, ax: Axes | None = None) -> Figure | SubFigure:
+    """Draw the smallest gap over time, see `energy`; raise InputError if the run has no unilateral constraints."""
+    return _panel(draw_gaps, run, ax)
+
+
+def residuals(run: xr.DataTree, ax: Axes | None = None) -> Figure | SubFigure:
+    """Draw the solvers' scaled residuals over time, see `energy`."""
+    return _panel(draw_residuals, run, ax)
+
+
+def trajectory(run: xr.DataTree, scene: Scene | None = None, ax: Axes | None = None) -> Figure | SubFigure:
     """Draw where the bodies go: paths in space, or height over time in one dimension.
 
     Parameters
@@ -64,16 +67,39 @@ def trajectory(run: xr.DataTree, scene: Scene | None = None) -> Figure:
         From `deli.simulate` or `deli.open_run`.
     scene : deli.Scene, optional
         Where walls, rods and radii come from; scenes of deli's own are found by name.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw, with ``projection="3d"`` for a run in space; a figure of its own if left out.
 
     Returns
     -------
     matplotlib.figure.Figure
+        The axes' figure.
+
+    Raises
+    ------
+    InputError
+        If the scene is not the run's, or the axes have another dimension.
     """
     with matplotlib.rc_context(STYLE):
+        if ax is not None:
+            draw_paths(ax, run, known_scene(run, scene))
+            if tells_apart(ax):
+                ax.legend()
+            return ax.figure
         figure = new_figure((7.0, 7.0))
-        draw_trajectory(figure, run, scene or scene_of(run))
-        figure.suptitle(_title(run), fontsize=10)
+        draw_trajectory(figure, run, known_scene(run, scene))
+        figure.suptitle(run_title(run), fontsize=10)
     return figure
+
+
+def _panel(draw: Callable[[Axes, xr.DataTree], None], run: xr.DataTree, ax: Axes | None) -> Figure | SubFigure:
+    with matplotlib.rc_context(STYLE):
+        axes = new_figure((8.0, 3.0)).subplots() if ax is None else ax
+        draw(axes, run)
+        set_time_axis(axes, run)
+        if ax is None:
+            axes.figure.suptitle(run_title(run), fontsize=10)
+    return axes.figure
 
 
 def save(run: xr.DataTree, path: str | os.PathLike[str], scene: Scene | None = None) -> None:
@@ -89,8 +115,8 @@ def save(run: xr.DataTree, path: str | os.PathLike[str], scene: Scene | None = N
         figure = new_figure((13.5, 7.6))
         left, right = figure.subfigures(1, 2, width_ratios=(1.15, 1.0), wspace=0.04, squeeze=False)[0]
         draw_history(left, run)
-        draw_trajectory(right, run, scene or scene_of(run))
-        figure.suptitle(_title(run), fontsize=11)
+        draw_trajectory(right, run, known_scene(run, scene))
+        figure.suptitle(run_title(run), fontsize=11)
         figure.savefig(path, dpi=DPI)
 
 
@@ -104,20 +130,4 @@ def check_picture(path: Path) -> None:
     """
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"picture {path}: found the suffix {path.suffix!r}; allowed: {', '.join(SUFFIXES)}.")
-    folder = path.resolve().parent
-    if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f"picture {path}: the folder {folder} does not exist or is not writable; name another.")
-
-
-def new_figure(size: tuple[float, float]) -> Figure:
-    """Return an empty figure of a size in inches, laid out when it is drawn."""
-    figure = Figure(figsize=size, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _title(run: xr.DataTree) -> str:
-    title, outcome = run.attrs["title"], run.attrs["outcome"]
-    if outcome == "complete":
-        return str(title)
-    return f"{title}\n{outcome if len(outcome) < 120 else outcome[:117] + '...'}"
+    check_folder("picture", path)

@@ -7,6 +7,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
+from deli.errors import InputError
 from deli.metrics import energy_drift, momentum_components
 from deli.plotting.lines import color, draw_line, draw_worst, legend_above, scale_log, unit
 from deli.recording.schema import STATS, TRAJECTORY, dataset_of
@@ -16,21 +17,27 @@ RESIDUALS = ("primal_residual", "dual_residual", "complementarity")
 
 def draw_history(figure: Figure | SubFigure, run: xr.DataTree) -> None:
     """Draw the four panels one under the other, sharing the time axis; no gap panel where there are no gaps."""
-    panels = [_draw_energy, _draw_momenta]
+    panels = [draw_energy, draw_momenta]
     if np.isfinite(dataset_of(run, TRAJECTORY)["gap_min"].values).any():
-        panels.append(_draw_gap)
-    panels.append(_draw_residuals)
+        panels.append(draw_gaps)
+    panels.append(draw_residuals)
     column = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, draw in zip(column, panels, strict=True):
         draw(axes, run)
-    time = dataset_of(run, TRAJECTORY)["time"]
-    column[-1].set_xlabel(f"time{unit(time.attrs['units'])}")
-    if len(time) > 1:
-        column[-1].set_xlim(float(time[0]), float(time[-1]))
+    set_time_axis(column[-1], run)
     figure.align_ylabels(column)
 
 
-def _draw_energy(axes: Axes, run: xr.DataTree) -> None:
+def set_time_axis(axes: Axes, run: xr.DataTree) -> None:
+    """Label the time axis, and limit it to the recorded time."""
+    time = dataset_of(run, TRAJECTORY)["time"]
+    axes.set_xlabel(f"time{unit(time.attrs['units'])}")
+    if len(time) > 1:
+        axes.set_xlim(float(time[0]), float(time[-1]))
+
+
+def draw_energy(axes: Axes, run: xr.DataTree) -> None:
+    """Draw the energy error."""
     trajectory = dataset_of(run, TRAJECTORY)
     time, energy = trajectory["time"].values, trajectory["hamiltonian"].values
     axes.axhline(0.0, color="0.6", linewidth=0.7)
@@ -41,7 +48,8 @@ def _draw_energy(axes: Axes, run: xr.DataTree) -> None:
     axes.set_ylabel(f"H − H(0)\n{unit(trajectory['hamiltonian'].attrs['units']).strip()}")
 
 
-def _draw_momenta(axes: Axes, run: xr.DataTree) -> None:
+def draw_momenta(axes: Axes, run: xr.DataTree) -> None:
+    """Draw the error of the momenta that the scene conserves, or all momenta where it conserves none."""
     time = dataset_of(run, TRAJECTORY)["time"].values
     conserved = momentum_components(run, conserved=True)
     if not conserved:
@@ -62,9 +70,18 @@ def _draw_momenta(axes: Axes, run: xr.DataTree) -> None:
     legend_above(axes)
 
 
-def _draw_gap(axes: Axes, run: xr.DataTree) -> None:
+def draw_gaps(axes: Axes, run: xr.DataTree) -> None:
+    """Draw the smallest gap.
+
+    Raises
+    ------
+    InputError
+        If the scene has no unilateral constraints.
+    """
     trajectory = dataset_of(run, TRAJECTORY)
     time, gap = trajectory["time"].values, trajectory["gap_min"].values
+    if not np.isfinite(gap).any():
+        raise InputError("gaps: the run has none to draw; its scene has no unilateral constraints.")
     axes.axhline(0.0, color="0.6", linewidth=0.7)
     draw_line(axes, time, gap, color(0))
     worst = int(gap.argmin())
@@ -74,7 +91,8 @@ def _draw_gap(axes: Axes, run: xr.DataTree) -> None:
         axes.plot(time[worst], gap[worst], color=color(1), marker="o", markersize=4, linestyle="none", clip_on=False)
 
 
-def _draw_residuals(axes: Axes, run: xr.DataTree) -> None:
+def draw_residuals(axes: Axes, run: xr.DataTree) -> None:
+    """Draw the scaled residuals of each subproblem, and their tolerances."""
     trajectory, stats = dataset_of(run, TRAJECTORY), dataset_of(run, STATS)
     time = trajectory["time"].values
     measured = np.fmax.reduce([stats[name].values for name in RESIDUALS])

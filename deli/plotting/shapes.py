@@ -10,7 +10,6 @@ from deli.mechanics.pair_potentials import Springs
 from deli.mechanics.scene import Scene
 
 Point = np.ndarray
-Segment = tuple[Point, Point]
 
 
 def radii(scene: Scene) -> np.ndarray:
@@ -21,9 +20,17 @@ def radii(scene: Scene) -> np.ndarray:
             found = np.minimum(found, np.asarray(family.distance, dtype=float).item() / 2.0)
         elif isinstance(family, SpheresApart):
             pairs = _pairs(family, scene)
-            for (first, second), distance in zip(pairs, _spread(family.distance, len(pairs)), strict=True):
-                found[[first, second]] = np.minimum(found[[first, second]], distance / 2.0)
+            np.minimum.at(found, pairs, _spread(family.distance, len(pairs))[:, None] / 2.0)
     return np.where(np.isfinite(found), found, 0.0)
+
+
+def period(scene: Scene) -> np.ndarray:
+    """Return the length of the periodic box along each axis, 0 where there is none."""
+    found = np.zeros(scene.dimension)
+    for family in _families(scene):
+        if isinstance(family, SpheresApart) and family.period is not None:
+            found = np.maximum(found, np.asarray(family.period, dtype=float))
+    return found
 
 
 def containers(scene: Scene) -> Iterator[tuple[Point, float]]:
@@ -42,30 +49,40 @@ def containers(scene: Scene) -> Iterator[tuple[Point, float]]:
                     yield centre, wall[-1]
 
 
+def containers_near(scene: Scene, paths: np.ndarray) -> Iterator[tuple[Point, float]]:
+    """Yield the containers that bodies come near to: a wall far beyond them would shrink them to a dot."""
+    for centre, radius in containers(scene):
+        if np.linalg.norm(paths - centre, axis=-1).max() >= 0.5 * radius:
+            yield centre, radius
+
+
 def planes(scene: Scene) -> Iterator[tuple[np.ndarray, float]]:
-    """Yield unit normal and offset of each distinct plane."""
+    """Yield unit normal and offset of each distinct plane, a wall where the bodies' surfaces end."""
     seen = set()
+    size = radii(scene)
     for family in _families(scene):
         if isinstance(family, Planes):
-            count = family.rows
-            normals = np.broadcast_to(np.asarray(family.normals, dtype=float), (count, scene.dimension))
-            for normal, offset in zip(normals, _spread(family.offsets, count), strict=True):
-                length = float(np.linalg.norm(normal))
-                plane = (*(normal / length), float(offset) / length)
+            bodies = _bodies(family, scene)
+            normals = np.broadcast_to(np.asarray(family.normals, dtype=float), (len(bodies), scene.dimension))
+            length = np.linalg.norm(normals, axis=1)
+            offsets = _spread(family.offsets, len(bodies)) / length - size[bodies]
+            for normal, offset in zip(normals / length[:, None], offsets.round(12), strict=True):
+                plane = (*normal, offset)
                 if plane not in seen:
                     seen.add(plane)
-                    yield np.array(plane[:-1]), plane[-1]
+                    yield normal, float(offset)
 
 
-def rods(scene: Scene, bodies: np.ndarray) -> Iterator[Segment]:
-    """Yield the ends of each rod, with bodies at the given places, shape (bodies, dimension)."""
+def rods(scene: Scene, bodies: np.ndarray) -> np.ndarray:
+    """Return the ends of all rods, shape (rods, 2, dimension), with bodies at places of shape (bodies, dimension)."""
+    found = [np.zeros((0, 2, scene.dimension))]
     for family in _families(scene):
         if isinstance(family, Rods):
-            yield from ((bodies[i], bodies[j]) for i, j in _pairs(family, scene))
+            found.append(bodies[_pairs(family, scene)])
         if isinstance(family, AnchoredRods):
             chosen = _bodies(family, scene)
-            pivots = np.broadcast_to(np.asarray(family.pivots, dtype=float), (len(chosen), scene.dimension))
-            yield from zip(pivots, bodies[chosen], strict=True)
+            found.append(np.stack([np.broadcast_to(family.pivots, bodies[chosen].shape), bodies[chosen]], axis=1))
+    return np.concatenate(found)
 
 
 def pivots(scene: Scene) -> np.ndarray:
@@ -78,24 +95,24 @@ def pivots(scene: Scene) -> np.ndarray:
     return np.concatenate(found)
 
 
-def springs(scene: Scene, bodies: np.ndarray) -> Iterator[Segment]:
-    """Yield the ends of each spring, with bodies at the given places."""
-    for family in scene.potential.families:
-        if isinstance(family, Springs):
-            yield from ((bodies[i], bodies[j]) for i, j in _pairs(family, scene))
+def springs(scene: Scene, bodies: np.ndarray) -> np.ndarray:
+    """Return the ends of all springs, shape (springs, 2, dimension), with bodies at the given places."""
+    found = [np.zeros((0, 2, scene.dimension))]
+    found += [bodies[_pairs(family, scene)] for family in scene.potential.families if isinstance(family, Springs)]
+    return np.concatenate(found)
 
 
 def _families(scene: Scene) -> tuple[ConstraintFamily, ...]:
     return (*scene.unilateral.families, *scene.bilateral.families)
 
 
-def _pairs(family: SpheresApart | Rods | Springs, scene: Scene) -> list[tuple[int, int]]:
+def _pairs(family: SpheresApart | Rods | Springs, scene: Scene) -> np.ndarray:
     if family.pairs is None:
-        return [(i, j) for i in range(scene.bodies) for j in range(i + 1, scene.bodies)]
-    return [(int(i), int(j)) for i, j in np.asarray(family.pairs)]
+        return np.stack(np.triu_indices(scene.bodies, 1), axis=1)
+    return np.asarray(family.pairs, dtype=int).reshape(-1, 2)
 
 
-def _bodies(family: SpheresInside | SpheresOutside | AnchoredRods, scene: Scene) -> np.ndarray:
+def _bodies(family: Planes | SpheresInside | SpheresOutside | AnchoredRods, scene: Scene) -> np.ndarray:
     return np.arange(scene.bodies) if family.bodies is None else np.asarray(family.bodies)
 
 

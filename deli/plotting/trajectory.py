@@ -8,9 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Circle
 
+from deli.errors import InputError
 from deli.mechanics.scene import Scene
 from deli.plotting import shapes
-from deli.plotting.lines import POINTS, color, draw_line, legend_below, unit
+from deli.plotting.lines import COLORS, POINTS, color, draw_line, legend_below, unit
 from deli.recording.schema import TRAJECTORY, dataset_of
 
 RECENT, CLOSE_UP, PATH_POINTS = 400, 300, 20_000
@@ -19,30 +20,52 @@ RECENT, CLOSE_UP, PATH_POINTS = 400, 300, 20_000
 def draw_trajectory(figure: Figure | SubFigure, run: xr.DataTree, scene: Scene | None) -> None:
     """Draw a run's positions with the scene's walls, rods, springs and radii, as far as they are known."""
     recorded = dataset_of(run, TRAJECTORY)
+    rows, dimension = recorded.sizes["time"], recorded.sizes["axis"]
+    if dimension == 1 and rows > POINTS:
+        axes, close_up = figure.subplots(2, 1)
+        draw_paths(axes, run, scene)
+        draw_paths(close_up, run, scene, CLOSE_UP)
+        close_up.set_title(f"the first {CLOSE_UP} rows")
+    else:
+        axes = figure.subplots(subplot_kw={"projection": "3d"} if dimension == 3 else {})
+        draw_paths(axes, run, scene)
+    if tells_apart(axes):
+        legend_below(figure, axes)
+
+
+def draw_paths(axes: Any, run: xr.DataTree, scene: Scene | None, rows: int | None = None) -> None:
+    """Draw a run's positions on axes, those of the first rows if so many are asked for.
+
+    Raises
+    ------
+    InputError
+        If the run is in space and the axes are not, or the other way round.
+    """
+    recorded = dataset_of(run, TRAJECTORY).isel(time=slice(rows))
     position, time = recorded["position"], recorded["time"].values
     dimension = recorded.sizes["axis"]
+    if (axes.name == "3d") != (dimension == 3):
+        needed = 'projection="3d"' if dimension == 3 else "plain axes"
+        raise InputError(f"ax: found {axes.name!r} axes; a run in {dimension} dimensions needs {needed}.")
     paths = position.values.reshape(len(time), -1, dimension)
-    {1: _draw_line, 2: _draw_plane, 3: _draw_space}[dimension](figure, time, paths, scene, position.attrs["units"])
+    {1: _draw_line, 2: _draw_plane, 3: _draw_space}[dimension](axes, time, paths, scene, position.attrs["units"])
 
 
-def _draw_line(
-    figure: Figure | SubFigure, time: np.ndarray, paths: np.ndarray, scene: Scene | None, units: str
-) -> None:
-    long = len(time) > POINTS
-    panels = figure.subplots(2 if long else 1, 1, squeeze=False)[:, 0]
-    for axes, end in zip(panels, (len(time), CLOSE_UP), strict=False):
-        for body in range(paths.shape[1]):
-            draw_line(axes, time[:end], paths[:end, body, 0], color(body), f"body {body}")
-        for normal, offset in shapes.planes(scene) if scene is not None else ():
-            _shade_beyond(axes, float(normal[0]), offset)
-        axes.set_ylabel(f"position{unit(units)}")
-        axes.set_xlabel("time [T]")
-        if len(time) > 1:
-            axes.set_xlim(time[0], time[end - 1])
-    panels[0].set_title("position over time")
-    legend_below(figure, panels[0])
-    if long:
-        panels[1].set_title(f"the first {CLOSE_UP} rows")
+def tells_apart(axes: Axes) -> bool:
+    """Whether a legend would tell the bodies apart: each has a colour of its own."""
+    return len(axes.get_legend_handles_labels()[1]) <= len(COLORS)
+
+
+def _draw_line(axes: Axes, time: np.ndarray, paths: np.ndarray, scene: Scene | None, units: str) -> None:
+    for body in range(paths.shape[1]):
+        draw_line(axes, time, paths[:, body, 0], color(body), f"body {body}")
+    for normal, offset in shapes.planes(scene) if scene is not None else ():
+        _shade_beyond(axes, float(normal[0]), offset)
+    axes.set_ylabel(f"position{unit(units)}")
+    axes.set_xlabel("time [T]")
+    if len(time) > 1:
+        axes.set_xlim(time[0], time[-1])
+    axes.set_title("position over time")
 
 
 def _shade_beyond(axes: Axes, normal: float, offset: float) -> None:
@@ -54,16 +77,12 @@ def _shade_beyond(axes: Axes, normal: float, offset: float) -> None:
     axes.set_ylim(low, high)
 
 
-def _draw_plane(
-    figure: Figure | SubFigure, time: np.ndarray, paths: np.ndarray, scene: Scene | None, units: str
-) -> None:
-    axes = figure.subplots()
+def _draw_plane(axes: Axes, time: np.ndarray, paths: np.ndarray, scene: Scene | None, units: str) -> None:
     _draw_paths(axes, paths)
     draw_bodies(axes, scene, paths[-1])
     axes.set_xlabel(f"x{unit(units)}")
     axes.set_ylabel(f"y{unit(units)}")
     axes.set_title(_explanation(len(time)))
-    legend_below(figure, axes)
 
 
 def draw_bodies(axes: Axes, scene: Scene | None, places: np.ndarray) -> None:
@@ -85,23 +104,17 @@ def draw_bodies(axes: Axes, scene: Scene | None, places: np.ndarray) -> None:
         axes.axline(tuple(offset * normal), slope=_slope(normal), color="0.2", linewidth=1.2)
 
 
-def _draw_space(
-    figure: Figure | SubFigure, time: np.ndarray, paths: np.ndarray, scene: Scene | None, units: str
-) -> None:
-    axes: Any = figure.subplots(subplot_kw={"projection": "3d"})
+def _draw_space(axes: Any, time: np.ndarray, paths: np.ndarray, scene: Scene | None, units: str) -> None:
     _draw_paths(axes, paths)
     if scene is not None:
-        # Axes in space do not clip: a wall far beyond the paths would shrink them to a dot.
-        for centre, radius in shapes.containers(scene):
-            if np.linalg.norm(paths - centre, axis=-1).max() >= 0.5 * radius:
-                draw_container(axes, centre, radius)
+        for centre, radius in shapes.containers_near(scene, paths):
+            draw_container(axes, centre, radius)
         draw_links(axes, scene, paths[-1])
     axes.set_aspect("equal")
     axes.set_box_aspect(None, zoom=0.88)
     for name in "xyz":
         getattr(axes, f"set_{name}label")(f"{name}{unit(units)}")
     axes.set_title(_explanation(len(time)))
-    legend_below(figure, axes)
 
 
 def draw_container(axes: Any, centre: np.ndarray, radius: float) -> None:

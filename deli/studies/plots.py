@@ -12,7 +12,7 @@ from pydantic import Field
 from deli.config.models import Table
 from deli.errors import InputError
 from deli.plotting import comparison
-from deli.plotting.figures import STYLE, new_figure
+from deli.plotting.style import STYLE, new_figure
 from deli.studies.findings import SCENE
 
 PANEL, MOST_COLUMNS = (4.2, 3.6), 3

@@ -4,11 +4,12 @@ import struct
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import deli
 from deli.errors import InputError, StepError
 from deli.plotting import shapes
-from deli.plotting.lines import BINS, POINTS, unit
+from deli.plotting.lines import BINS, COLORS, POINTS, unit
 
 FAST = [
     deli.scenes.point_mass(),
@@ -49,6 +50,44 @@ def test_trajectory_draws_every_body(recorded):
     figure = deli.plotting.trajectory(run)
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == [f"body {body}" for body in range(scene.bodies)]
+
+
+def test_panels_go_on_axes_of_ones_own(recorded):
+    scene, run = recorded
+    own = Figure()
+    kinds = {"projection": "3d"} if scene.dimension == 3 else {}
+    for index, draw in enumerate((deli.plotting.energy, deli.plotting.momenta, deli.plotting.residuals), 1):
+        axes = own.add_subplot(2, 2, index)
+        assert draw(run, ax=axes) is own
+        assert axes.get_title(loc="center") or axes.get_title(loc="left")
+        assert axes.get_xlim() == (0.0, 0.8)
+    axes = own.add_subplot(2, 2, 4, **kinds)
+    assert deli.plotting.trajectory(run, scene, ax=axes) is own
+    assert axes.get_legend() is not None
+    wrong = own.add_subplot(projection=None if scene.dimension == 3 else "3d")
+    with pytest.raises(InputError, match="ax: found"):
+        deli.plotting.trajectory(run, ax=wrong)
+    assert len(deli.plotting.energy(run).axes) == 1
+
+
+def test_gaps_are_drawn_where_there_are_any(recorded):
+    scene, run = recorded
+    if not scene.unilateral.rows:
+        with pytest.raises(InputError, match="gaps: the run has none"):
+            deli.plotting.gaps(run)
+        return
+    (axes,) = deli.plotting.gaps(run).axes
+    np.testing.assert_array_equal(axes.lines[1].get_ydata(), run["trajectory"]["gap_min"].values)
+
+
+def test_a_legend_names_no_more_bodies_than_there_are_colours():
+    run = deli.simulate(deli.scenes.hard_rods(rods=len(COLORS) + 1), deli.GVI(), step_size=0.01, steps=5)
+    assert not deli.plotting.trajectory(run).legends
+
+
+def test_walls_are_where_the_surfaces_of_bodies_end():
+    walls = {(*normal, offset) for normal, offset in shapes.planes(deli.scenes.disc_pile(columns=4, radius=0.3))}
+    assert walls == {(0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (-1.0, 0.0, -2.4)}
 
 
 def test_axes_carry_units(recorded):

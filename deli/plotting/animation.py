@@ -1,0 +1,306 @@
+"""Animations for notebooks and files."""
+
+import os
+import subprocess
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import matplotlib
+import numpy as np
+import xarray as xr
+from matplotlib.animation import FFMpegWriter, FuncAnimation
+from matplotlib.colors import to_rgb
+from PIL import Image
+
+from deli.errors import DeliError, InputError
+from deli.mechanics.scene import Scene
+from deli.plotting.lines import COLORS
+from deli.plotting.picture import Picture
+from deli.plotting.playback import FPS, choose_rows, misses_motion
+from deli.plotting.style import STYLE, check_folder, known_scene
+from deli.recording.paths import partial_path
+from deli.recording.schema import TRAJECTORY, dataset_of
+from deli.running.interrupts import StopRequests
+from deli.running.progress import ProgressBar
+
+SUFFIXES = (".gif", ".mp4")
+DPI = 100
+SHADES = 128  # of a GIF; flat colours with soft edges need no more
+GIF_FASTEST = 50.0
+"""Frames a second; browsers slow down what is faster."""
+
+
+Frames = Iterable[np.ndarray]
+
+
+class Film(NamedTuple):
+    """What was written.
+
+    Attributes
+    ----------
+    times : numpy.ndarray
+        The simulated time of each frame.
+    fps : float
+        Frames a second.
+    misses_motion : bool
+        Whether bodies go to and fro faster than the frames show.
+    """
+
+    times: np.ndarray
+    fps: float
+    misses_motion: bool
+
+
+def animate(
+    run: xr.DataTree,
+    scene: Scene | None = None,
+    *,
+    fps: float = FPS,
+    duration: float | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    every: int | None = None,
+) -> FuncAnimation:
+    """Animate where the bodies go, uniformly in simulated time; ``.to_jshtml()`` plays it in a notebook.
+
+    Bodies are drawn with their radii, among walls, rods and springs; under them runs the energy error. In one
+    dimension they stand on a vertical line, beside their positions over time. In a periodic box they are drawn inside
+    it, unless rods or springs tie them.
+
+    Parameters
+    ----------
+    run : xarray.DataTree
+        From `deli.simulate` or `deli.open_run`.
+    scene : deli.Scene, optional
+        Where walls, rods and radii come from; scenes of deli's own are found by name. Without it, bodies are points.
+    fps : float
+        Frames a second of playback.
+    duration : float, optional
+        Seconds of playback (default: 10, less if the run has too few rows for that).
+    start, end : float, optional
+        Simulated time to show (default: all that is recorded).
+    every : int, optional
+        One frame every so many rows, in place of a duration.
+
+    Returns
+    -------
+    matplotlib.animation.FuncAnimation
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, no row lies between ``start`` and ``end``, or the scene is not the run's.
+    """
+    rows = choose_rows(_times(run), fps=fps, duration=duration, start=start, end=end, every=every)
+    with matplotlib.rc_context(STYLE):
+        picture = Picture(run, known_scene(run, scene), rows, DPI)
+    return FuncAnimation(picture.figure, picture.show, frames=picture.frames, interval=1000.0 / fps)
+
+
+def save_animation(
+    run: xr.DataTree,
+    path: str | os.PathLike[str],
+    scene: Scene | None = None,
+    *,
+    fps: float = FPS,
+    duration: float | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    every: int | None = None,
+    dpi: float = DPI,
+    overwrite: bool = False,
+    progress: bool = False,
+) -> Film:
+    """Write an animation, see `animate`, into a GIF or an MP4 file, which appears under its name when it is whole.
+
+    Parameters
+    ----------
+    path
+        File to write, .gif or .mp4.
+    fps
+        Of a GIF, the nearest rate that it can hold: 100 by a whole number.
+    dpi
+        Pixels an inch; the picture is 6.4 inches wide.
+    overwrite
+        Replace the file if it exists.
+    progress
+        Show a bar on standard error.
+
+    Returns
+    -------
+    Film
+        What was written.
+
+    Raises
+    ------
+    InputError
+        For whatever `animate` refuses, and if the file exists, cannot be written, has another suffix, or is MP4 where
+        there is no ffmpeg.
+    DeliError
+        If writing fails on the way.
+    KeyboardInterrupt
+        On SIGINT or SIGTERM; nothing is left then.
+    """
+    target = Path(path)
+    check_movie(target, overwrite=overwrite)
+    if not (np.isfinite(dpi) and 10.0 <= dpi <= 1000.0):
+        raise InputError(f"dpi: found {dpi!r}; pass 10 to 1000 pixels an inch.")
+    gif = target.suffix.lower() == ".gif"
+    rate = gif_rate(fps) if gif else fps
+    time = _times(run)
+    rows = choose_rows(time, fps=rate, duration=duration, start=start, end=end, every=every)
+    with matplotlib.rc_context(STYLE):
+        picture = Picture(run, known_scene(run, scene), rows, dpi)
+        with ProgressBar(target.name, picture.frames, 0, progress, unit="frames") as bar:
+            _write(picture, target, rate, _write_gif if gif else _write_mp4, bar)
+    return Film(time[rows], rate, misses_motion(_positions(run), rows))
+
+
+def check_movie(path: Path, *, overwrite: bool) -> None:
+    """Refuse a file that cannot be written or that exists.
+
+    Raises
+    ------
+    InputError
+        If the suffix is neither .gif nor .mp4, the folder is missing or unwritable, the file exists and may not be
+        overwritten, or an MP4 is asked for where there is no ffmpeg.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(f"animation {path}: found the suffix {path.suffix!r}; allowed: {', '.join(SUFFIXES)}.")
+    check_folder("animation", path)
+    if path.is_dir():
+        raise InputError(f"animation {path} is a folder; name a file, such as {path / 'run.gif'}.")
+    if path.exists() and not overwrite:
+        raise InputError(f"animation {path} exists; name another, or replace it (overwrite=True, --overwrite).")
+    if path.suffix.lower() == ".mp4":
+        ffmpeg()
+
+
+def ffmpeg() -> str:
+    """Return where ffmpeg is: on the path, or in the package imageio-ffmpeg.
+
+    Raises
+    ------
+    InputError
+        If it is nowhere.
+    """
+    if FFMpegWriter.isAvailable():
+        return str(FFMpegWriter.bin_path())
+    try:
+        import imageio_ffmpeg
+
+        return str(imageio_ffmpeg.get_ffmpeg_exe())
+    except (ImportError, RuntimeError) as error:
+        raise InputError(
+            "MP4 needs ffmpeg, which was not found; install it with: pip install 'deli[movies]' "
+            "(or pip install imageio-ffmpeg), or write a .gif."
+        ) from error
+
+
+def gif_rate(fps: float) -> float:
+    """Return the rate nearest to ``fps`` that a GIF can hold, whose frames last hundredths of a second.
+
+    Raises
+    ------
+    InputError
+        If it is faster than browsers play.
+    """
+    if not 0.0 < fps <= GIF_FASTEST:
+        raise InputError(
+            f"fps: found {fps!r}; a GIF holds more than 0 and at most {GIF_FASTEST:g} a second: pass such, or .mp4."
+        )
+    return 100.0 / round(100.0 / fps)
+
+
+def _times(run: xr.DataTree) -> np.ndarray:
+    return np.asarray(dataset_of(run, TRAJECTORY)["time"].values)
+
+
+def _positions(run: xr.DataTree) -> np.ndarray:
+    recorded = dataset_of(run, TRAJECTORY)
+    return np.asarray(recorded["position"].values).reshape(recorded.sizes["time"], -1, recorded.sizes["axis"])
+
+
+def _write(
+    picture: Picture,
+    target: Path,
+    rate: float,
+    write: Callable[[Picture, Frames, Path, float], None],
+    bar: ProgressBar,
+) -> None:
+    partial = partial_path(target)
+    with StopRequests() as stop:
+
+        def frames() -> Frames:
+            for number, pixels in enumerate(picture.drawn(), 1):
+                yield pixels
+                if bar.active:
+                    bar.update(number)
+                if stop.reason is not None:
+                    return
+
+        try:
+            write(picture, frames(), partial, rate)
+            if stop.reason is None:
+                os.replace(partial, target)
+        except (OSError, subprocess.CalledProcessError) as error:
+            if stop.reason is None:  # a signal from a terminal reaches ffmpeg too
+                said = (getattr(error, "stderr", None) or b"").decode(errors="replace").strip().splitlines()[-1:]
+                raise DeliError(f"animation {target} could not be written: {' '.join([str(error), *said])}") from error
+        finally:
+            partial.unlink(missing_ok=True)
+    if stop.reason is not None:
+        raise KeyboardInterrupt(f"stopped by {stop.reason}; {target} was not written.")
+
+
+def _write_gif(picture: Picture, frames: Frames, partial: Path, rate: float) -> None:
+    palette: Image.Image | None = None
+
+    def images() -> Iterable[Image.Image]:
+        nonlocal palette
+        for pixels in frames:
+            image = Image.fromarray(pixels).convert("RGB")
+            if palette is None:  # all colours are in every frame: one palette does, and keeps what is still the same
+                palette = _palette(image)
+            yield image.quantize(palette=palette, dither=Image.Dither.NONE)
+
+    rest = iter(images())
+    next(rest).save(
+        partial, format="GIF", save_all=True, append_images=rest, duration=round(1000.0 / rate), loop=0, optimize=True
+    )
+
+
+def _palette(image: Image.Image) -> Image.Image:
+    """Return the colours of bodies and the commonest others as they are: quantizers tint white.
+
+    Of colours that can hardly be told apart only one is taken, for pillow finds the nearest by their leading bits.
+    """
+    common = sorted(image.getcolors(image.width * image.height) or (), reverse=True)
+    bodies: list[Any] = [tuple(round(255.0 * part) for part in to_rgb(hue)) for hue in COLORS]
+    distinct: dict[tuple[int, ...], tuple[int, ...]] = {}
+    for shade in [*bodies, *(shade for _, shade in common)]:
+        distinct.setdefault(tuple(part >> 3 for part in shade), shade)
+    chosen = list(distinct.values())[:SHADES]
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.array(chosen, dtype=np.uint8).tobytes())
+    return palette
+
+
+class _Mp4Writer(FFMpegWriter):
+    """Takes frames that are drawn already, where matplotlib's own draws each figure anew."""
+
+    _proc: Any
+
+    def take(self, pixels: np.ndarray) -> None:
+        self._proc.stdin.write(pixels)
+
+
+def _write_mp4(picture: Picture, frames: Frames, partial: Path, rate: float) -> None:
+    with matplotlib.rc_context({"animation.ffmpeg_path": ffmpeg()}):
+        # The name tells ffmpeg nothing, for it ends in .partial.
+        settings: Any = {"fps": rate}  # ffmpeg takes fractions; matplotlib's annotation says int
+        writer = _Mp4Writer(**settings, codec="h264", extra_args=["-f", "mp4", "-movflags", "+faststart"])
+        with writer.saving(picture.figure, str(partial), dpi=picture.figure.dpi):
+            for pixels in frames:
+                writer.take(pixels)

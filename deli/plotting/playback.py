@@ -1,0 +1,86 @@
+"""Which rows of a run become frames, so that playback is uniform in simulated time."""
+
+import math
+
+import numpy as np
+
+from deli.errors import InputError
+
+FPS, SECONDS = 25.0, 10.0
+BODIES = 12
+
+
+def choose_rows(
+    time: np.ndarray,
+    *,
+    fps: float = FPS,
+    duration: float | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    every: int | None = None,
+) -> np.ndarray:
+    """Return the rows to show, one a frame: those nearest to equidistant moments, or every n-th one.
+
+    Without ``duration`` and ``every`` playback takes at most `SECONDS` and repeats no row.
+
+    Parameters
+    ----------
+    time : numpy.ndarray
+        Recorded times, ascending.
+    fps : float
+        Frames a second of playback.
+    duration : float, optional
+        Seconds of playback.
+    start, end : float, optional
+        First and last simulated time to show; rows outside are left out.
+    every : int, optional
+        Show every so many rows, one frame each, in place of a duration.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range or no row lies between ``start`` and ``end``.
+    """
+    if not (math.isfinite(fps) and fps > 0.0):
+        raise InputError(f"fps: found {fps!r}; pass a number of frames a second > 0.")
+    if every is not None and duration is not None:
+        raise InputError("every and duration are both set; either one fixes the number of frames: pass one of them.")
+    if every is not None and every < 1:
+        raise InputError(f"every: found {every!r}; pass a whole number of rows >= 1.")
+    if duration is not None and not (math.isfinite(duration) and duration > 0.0):
+        raise InputError(f"duration: found {duration!r}; pass seconds of playback > 0.")
+    shown = _window(time, start, end)
+    if every is not None:
+        return shown[::every]
+    count = min(len(shown), round(SECONDS * fps)) if duration is None else round(duration * fps)
+    inside = time[shown]
+    moments = np.linspace(inside[0], inside[-1], max(count, 1))
+    return shown[np.searchsorted((inside[1:] + inside[:-1]) / 2.0, moments)]
+
+
+def _window(time: np.ndarray, start: float | None, end: float | None) -> np.ndarray:
+    low, high = time[0] if start is None else start, time[-1] if end is None else end
+    slack = 1e-9 * max(abs(time[0]), abs(time[-1]))
+    shown = np.flatnonzero((time >= low - slack) & (time <= high + slack))
+    if not shown.size:
+        raise InputError(
+            f"start and end: found no row between {low:g} and {high:g}; the run has {len(time)} rows from time "
+            f"{time[0]:g} to {time[-1]:g}."
+        )
+    return shown
+
+
+def misses_motion(position: np.ndarray, rows: np.ndarray) -> bool:
+    """Whether frames at some rows show less than half of the way, to and fro, that one of the first bodies goes.
+
+    Parameters
+    ----------
+    position : numpy.ndarray
+        Of all rows, shape (rows, bodies, dimension).
+    rows : numpy.ndarray
+        Those of the frames.
+    """
+    first = position[:, :BODIES]
+    gone = np.abs(np.diff(first[rows[0] : rows[-1] + 1], axis=0)).sum(axis=0)
+    shown = np.abs(np.diff(first[rows], axis=0)).sum(axis=0)
+    return bool(np.any((gone > 2.0 * shown) & (gone > np.ptp(first))))

@@ -1,0 +1,79 @@
+"""What all figures share: their style, their titles, where they may be written, and the scene they show."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from deli.errors import InputError
+from deli.mechanics.scene import Scene
+from deli.recording.provenance import scene_of
+from deli.recording.schema import TRAJECTORY, dataset_of
+
+STYLE: Any = {
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9,
+    "axes.formatter.use_mathtext": True,
+    "grid.color": "0.92",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "lines.linewidth": 1.0,
+}
+
+
+def new_figure(size: tuple[float, float]) -> Figure:
+    """Return an empty figure of a size in inches, laid out when it is drawn."""
+    figure = Figure(figsize=size, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def run_title(run: xr.DataTree) -> str:
+    """Return what was run, and how it ended where it did not end well."""
+    title, outcome = run.attrs["title"], run.attrs["outcome"]
+    if outcome == "complete":
+        return str(title)
+    return f"{title}\n{outcome if len(outcome) < 120 else outcome[:117] + '...'}"
+
+
+def known_scene(run: xr.DataTree, scene: Scene | None) -> Scene | None:
+    """Return the scene to draw: the given one, or that of the run, or None where the run is of a user's own.
+
+    Raises
+    ------
+    InputError
+        If the given scene has not as many bodies and dimensions as the run.
+    """
+    if scene is None:
+        return scene_of(run)
+    sizes = dataset_of(run, TRAJECTORY).sizes
+    if (scene.dof, scene.dimension) != (sizes["dof"], sizes["axis"]):
+        raise InputError(
+            f"scene: found {scene.bodies} bodies in {scene.dimension} dimensions; the run has "
+            f"{sizes['dof'] // sizes['axis']} in {sizes['axis']}. Pass the scene that was run."
+        )
+    return scene
+
+
+def check_folder(word: str, path: Path) -> None:
+    """Refuse a file whose folder is missing or unwritable.
+
+    Raises
+    ------
+    InputError
+        Naming the file by ``word`` and its path.
+    """
+    folder = path.resolve().parent
+    if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f"{word} {path}: the folder {folder} does not exist or is not writable; name another.")
