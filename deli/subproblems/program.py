@@ -13,7 +13,7 @@ from deli.kernels.program import EXPORT, PROGRAM, Export, Program
 from deli.kernels.record import Record
 from deli.kernels.solve import export
 from deli.subproblems.choices import NATIVE, SUBPROBLEMS, SolverChoice
-from deli.subproblems.rows import DENSE, Patterns, find_patterns
+from deli.subproblems.rows import DENSE, LARGEST_DENSE, Patterns, find_patterns
 from deli.subproblems.stats import StepStats
 from solvers import native
 from solvers.native_sparse import SparseProjection
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     Model = Callable[[np.ndarray, int, int, Patterns], cp.Problem]
 
-LARGEST_DENSE = 150  # rows beyond which a sparse solve is faster than a dense one
 MOST_ENTRIES = 4_000_000
 PATTERNS = 4  # compiled for sparse matrices and kept
 _ACCEPTED = 1e3  # an answer whose residual exceeds this many tolerances stops the run
@@ -103,14 +102,9 @@ class ProgramSolver:
             When no answer within a thousand tolerances was found.
         """
         program, free = self.program, rows - equalities
-        large = rows > LARGEST_DENSE and not newton
-        if large and self._natively(size, equalities, rows):
+        if rows > LARGEST_DENSE and not newton and self._natively(size, equalities, rows):
             return
-        if large and self._takes_sparse:
-            compiled, kept = self._hand_over_sparse(size, equalities, rows), np.arange(equalities)
-        else:
-            compiled, kept = self._hand_over(size, equalities, rows, newton)
-        np.negative(program.wish[:size], out=compiled.parameters["linear"])
+        compiled, kept = self.pose(size, equalities, rows, newton)
         solution = compiled.solve()
         self._account(solution, rows)
         program.z[:size] = solution.primal["velocity"]
@@ -121,6 +115,21 @@ class ProgramSolver:
         if kept.size:
             # cvxpy's multiplier of an equality has the opposite sign.
             program.y[kept] = -next(duals)
+
+    def pose(self, size: int, equalities: int, rows: int, newton: bool) -> "tuple[solvers.CompiledProblem, np.ndarray]":
+        """Write the data of the program at hand into its compiled problem; also return which equality rows that has.
+
+        Raises
+        ------
+        StepError
+            Where the matrix is dense and too large.
+        """
+        if rows > LARGEST_DENSE and not newton and self._takes_sparse:
+            compiled, kept = self._hand_over_sparse(size, equalities, rows), np.arange(equalities)
+        else:
+            compiled, kept = self._hand_over(size, equalities, rows, newton)
+        np.negative(self.program.wish[:size], out=compiled.parameters["linear"])
+        return compiled, kept
 
     def _hand_over(
         self, size: int, equalities: int, rows: int, newton: bool

@@ -1,0 +1,152 @@
+"""One subproblem as a step posed it, with the answer it got."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import sparse
+
+from deli.subproblems.choices import SUBPROBLEMS
+from deli.subproblems.rows import DENSE, LARGEST_DENSE, find_patterns
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+    from solvers import QuadraticProgram
+
+
+@dataclass(frozen=True, eq=False)
+class PosedSubproblem:
+    """A metric projection (theory: one convex program, three times) with all its numbers.
+
+    ``minimize ½ zᵀA z − wishᵀz  subject to  R z = b (equalities), R z >= b``, so that ``A z − wish = Rᵀ y``, in
+    z = √M v over the largest speed of the problem, with rows of unit length, equalities first.
+
+    Attributes
+    ----------
+    subproblem : int
+        Index into `deli.subproblems.choices.SUBPROBLEMS`.
+    step : int
+        Integration steps that were taken before the one that posed it.
+    solve : int
+        Its number among the solves of the same subproblem in that step: passes, iterates and islands in their order.
+    equalities : int
+        Rows that are equations; they may depend on each other.
+    start, column, value : arrays
+        R by compressed rows.
+    bounds : (rows,) array
+    wish : (variables,) array
+    metric : (variables, variables) array or None
+        A; None where it is the identity.
+    z, y : (variables,) and (rows,) arrays
+        The answer with its multipliers; nan where the solver gave none.
+    """
+
+    subproblem: int
+    step: int
+    solve: int
+    equalities: int
+    start: np.ndarray
+    column: np.ndarray
+    value: np.ndarray
+    bounds: np.ndarray
+    wish: np.ndarray
+    metric: np.ndarray | None
+    z: np.ndarray
+    y: np.ndarray
+
+    @property
+    def name(self) -> str:
+        """Which subproblem it is, in a word."""
+        return SUBPROBLEMS[self.subproblem]
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return self.bounds.size
+
+    @property
+    def variables(self) -> int:
+        """Number of variables."""
+        return self.wish.size
+
+    @property
+    def bytes(self) -> int:
+        """Size of its numbers."""
+        arrays = (self.start, self.column, self.value, self.bounds, self.wish, self.metric, self.z, self.y)
+        return sum(array.nbytes for array in arrays if array is not None)
+
+    @property
+    def newton(self) -> bool:
+        """Whether the metric is a parameter."""
+        return self.metric is not None
+
+    @cached_property
+    def matrix(self) -> sparse.csr_array:
+        """R."""
+        return sparse.csr_array((self.value, self.column, self.start), shape=(self.rows, self.variables))
+
+    @property
+    def active(self) -> np.ndarray:
+        """Rows that press: equations, and inequalities whose multiplier exceeds their slack; none without an answer."""
+        pressing: np.ndarray = self.y > self.matrix @ self.z - self.bounds
+        pressing[: self.equalities] = np.isfinite(self.y[: self.equalities])
+        return pressing
+
+    def program(self) -> "QuadraticProgram":
+        """The same in the standard form of `solvers`, where x = z and its multipliers are −y of equations, y of rows."""
+        from solvers import Matrix, QuadraticProgram
+
+        n, split = self.variables, self.equalities
+        signs = np.where(np.arange(self.rows) < split, 1.0, -1.0)
+        dense = self.newton or n * max(n, self.rows) <= LARGEST_DENSE**2
+        quadratic = np.eye(n) if self.metric is None else self.metric
+        parts = (
+            sparse.csc_array(quadratic) if dense else sparse.eye_array(n, format="csc"),
+            sparse.csc_array(sparse.diags_array(signs) @ self.matrix),
+        )
+        matrices = [
+            Matrix(part.shape, part, part.toarray().ravel() if dense else part.data, dense, constant=False)
+            for part in parts
+        ]
+        upper = signs * self.bounds
+        lower = np.where(signs > 0.0, upper, -np.inf)
+        return QuadraticProgram(n, self.rows, split, matrices[0], -self.wish, matrices[1], lower, upper)
+
+    def residuals(self, z: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
+        """Scaled primal, dual and complementarity residual of an answer, see `solvers.residuals.Residuals`."""
+        from solvers.residuals import Residuals
+
+        found = Residuals(self.program())
+        if np.isfinite(z).all() and np.isfinite(y).all():
+            found.compute(z, np.where(np.arange(self.rows) < self.equalities, -y, y))
+        return found.primal, found.dual, found.complementarity
+
+    def problem(self) -> "cp.Problem":
+        """The cvxpy model with these numbers as values of its Parameters, and the answer as that of its Variable.
+
+        Many rows are in sparse Parameters. Multipliers are values of the constraints' dual variables, in cvxpy's signs.
+        """
+        from deli.subproblems.models import MODELS
+
+        split, free = self.equalities, self.rows - self.equalities
+        large = self.rows > LARGEST_DENSE and not self.newton
+        patterns = find_patterns(self.start, self.column, split)[1] if large else DENSE
+        model = MODELS[self.subproblem][self.newton](np.ones(self.variables), free, split, patterns)
+        values = {"linear": -self.wish, "metric": self.metric, "targets": self.bounds[:split]}
+        values["bounds"] = self.bounds[split:]
+        for name, rows in (("bilateral", self.matrix[:split]), ("gradients", self.matrix[split:])):
+            values[name] = rows
+        for parameter in model.parameters():
+            value = values[parameter.name()]
+            if parameter.attributes["sparsity"]:
+                parameter.value_sparse = sparse.coo_array(value)
+            else:
+                parameter.value = value.toarray() if sparse.issparse(value) else value
+        (velocity,) = model.variables()
+        velocity.value = self.z
+        duals = ([self.y[split:]] if free else []) + ([-self.y[:split]] if split else [])
+        for constraint, dual in zip(model.constraints, duals, strict=True):
+            constraint.dual_variables[0].save_value(dual)
+        return model
