@@ -29,6 +29,7 @@ def simulate(
     progress: bool = False,
     contact_tolerance: float = 1e-8,
     overwrite: bool = False,
+    subproblems: bool | int = False,
 ) -> xr.DataTree:
     """Integrate a scene and record the run.
 
@@ -62,12 +63,16 @@ def simulate(
         Scaled tolerance of "the gap is zero".
     overwrite : bool
         Replace `output`, and drop its partial file, where they exist.
+    subproblems : bool or int
+        Also record the subproblems that solvers get, with their answers, in a group ``subproblems``: the first so many,
+        10,000 if True, and 256 MB at most. What `skip` answers without a solver is none of them. The trajectory is the
+        same to the bit. `deli.replay` solves them again, `deli.load_subproblem` returns one as a cvxpy problem.
 
     Returns
     -------
     xarray.DataTree
-        Groups ``trajectory`` and ``solver_stats``. The root attribute ``outcome`` is ``complete``, or says in which
-        step and why the run failed; a failed run ends with the last good state, whatever `every` is, and its file has
+        Groups ``trajectory`` and ``solver_stats``, and ``subproblems`` if asked for. The root attribute ``outcome`` is
+        ``complete``, or says in which step and why the run failed; a failed run ends with the last good state, whatever `every` is, and its file has
         the final name. Where that adds a row, the row's stats count the failed attempt too.
 
     Raises
@@ -91,6 +96,7 @@ def simulate(
         resume=resume,
         contact_tolerance=contact_tolerance,
         overwrite=overwrite,
+        subproblems=subproblems,
     )
     return run_plan(plan, progress)
 

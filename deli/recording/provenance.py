@@ -40,17 +40,18 @@ def describe(scene: Scene, method: Any, **settings: Any) -> dict[str, Any]:
     scene, method
         What is run.
     settings
-        Keyword arguments of `deli.simulate` that matter: step_size, steps, every, skip, contact_tolerance, solvers.
+        Keyword arguments of `deli.simulate` that matter: step_size, steps, every, skip, contact_tolerance, solvers,
+        subproblems.
     """
     choices = parse_choices(settings.pop("solvers"))
-    every = settings.pop("every")
+    record = {"every": settings.pop("every"), "subproblems": settings.pop("subproblems", 0) or None}
     return plain(
         {
             **settings,
             "scene": _describe_scene(scene),
             "method": {"name": method_name(type(method)), **dataclasses.asdict(method)},
             "solvers": {name: dataclasses.asdict(choice) for name, choice in choices.items()},
-            "record": {"every": every},
+            "record": record,
         }
     )
 

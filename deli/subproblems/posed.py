@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import sparse
@@ -95,7 +95,7 @@ class PosedSubproblem:
         return pressing
 
     def program(self) -> "QuadraticProgram":
-        """The same in the standard form of `solvers`, where x = z and its multipliers are −y of equations, y of rows."""
+        """The same in the standard form of `solvers`: x is z, multipliers are −y of equations and y of inequalities."""
         from solvers import Matrix, QuadraticProgram
 
         n, split = self.variables, self.equalities
@@ -134,7 +134,7 @@ class PosedSubproblem:
         large = self.rows > LARGEST_DENSE and not self.newton
         patterns = find_patterns(self.start, self.column, split)[1] if large else DENSE
         model = MODELS[self.subproblem][self.newton](np.ones(self.variables), free, split, patterns)
-        values = {"linear": -self.wish, "metric": self.metric, "targets": self.bounds[:split]}
+        values: dict[str, Any] = {"linear": -self.wish, "metric": self.metric, "targets": self.bounds[:split]}
         values["bounds"] = self.bounds[split:]
         for name, rows in (("bilateral", self.matrix[:split]), ("gradients", self.matrix[split:])):
             values[name] = rows
