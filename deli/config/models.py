@@ -61,7 +61,7 @@ def _most(value: Any) -> Any:
 
 
 class RecordTable(Table):
-    """How often rows are recorded, the file they go to (relative to the current directory), and whether subproblems do."""
+    """How often rows are recorded, to which file (relative to the current directory), and how many subproblems."""
 
     every: int = Field(default=1, ge=1)
     output: str | None = None

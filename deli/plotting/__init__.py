@@ -1,5 +1,5 @@
-"""Figures of a run: what it conserves over time, and where it goes."""
+"""Figures of a run: what it conserves over time, where it goes, and how backends compare on its subproblems."""
 
-from deli.plotting.figures import check_picture, history, save, trajectory
+from deli.plotting.figures import check_picture, history, performance_profile, save, save_replay, trajectory
 
-__all__ = ["check_picture", "history", "save", "trajectory"]
+__all__ = ["check_picture", "history", "performance_profile", "save", "save_replay", "trajectory"]

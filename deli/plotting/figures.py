@@ -6,12 +6,14 @@ from typing import Any
 
 import matplotlib
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from deli.errors import InputError
 from deli.mechanics.scene import Scene
 from deli.plotting.history import draw_history
+from deli.plotting.profiles import draw_profile, draw_replay
 from deli.plotting.trajectory import draw_trajectory
 from deli.recording.provenance import scene_of
 
@@ -91,6 +93,46 @@ def save(run: xr.DataTree, path: str | os.PathLike[str], scene: Scene | None = N
         draw_history(left, run)
         draw_trajectory(right, run, scene or scene_of(run))
         figure.suptitle(_title(run), fontsize=11)
+        figure.savefig(path, dpi=DPI)
+
+
+def performance_profile(data: xr.Dataset, axes: Axes | None = None) -> Axes:
+    """Draw the share of problems that each backend solves within a factor of the fastest (Dolan and Moré 2002).
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        From `deli.replay`.
+    axes : matplotlib.axes.Axes, optional
+        Where to draw; axes of a new figure, ``axes.figure``, if left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    if axes is not None:
+        draw_profile(axes, data)
+        return axes
+    with matplotlib.rc_context(STYLE):
+        axes = new_figure((7.0, 4.5)).subplots()
+        draw_profile(axes, data)
+        axes.legend(loc="lower right")
+    return axes
+
+
+def save_replay(data: xr.Dataset, path: str | os.PathLike[str]) -> None:
+    """Draw performance profile and errors of `deli.replay` side by side into a file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written or its format is unknown.
+    """
+    check_picture(Path(path))
+    with matplotlib.rc_context(STYLE):
+        figure = new_figure((11.0, 4.8))
+        draw_replay(figure, data)
+        figure.suptitle(data.attrs["title"], fontsize=10)
         figure.savefig(path, dpi=DPI)
 
 

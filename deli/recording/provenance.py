@@ -78,7 +78,7 @@ def attributes(config: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
         "cvxpy_version": version("cvxpy"),
         "numpy_version": version("numpy"),
         "python_version": platform.python_version(),
-        "machine": f"{platform.platform()}, {os.cpu_count()} CPUs",
+        "machine": machine(),
         **conserved_momenta(scene),
         "units_note": UNITS_NOTE,
         "start": now(),
@@ -123,6 +123,11 @@ def backend_version(name: str) -> str:
 def version(distribution: str) -> str:
     """Version of an installed distribution."""
     return importlib.metadata.version(distribution)
+
+
+def machine() -> str:
+    """Operating system and number of processors."""
+    return f"{platform.platform()}, {os.cpu_count()} CPUs"
 
 
 def now() -> str:

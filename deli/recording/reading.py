@@ -116,7 +116,7 @@ def _open(path: Path) -> netCDF4.Dataset:
 
 
 def _read(variable: netCDF4.Variable, length: Mapping[str, int]) -> VariableData:
-    first = variable.dimensions[0] if variable.dimensions else None
+    first = variable.dimensions[0] if variable.dimensions else ""
     values = variable[: length[first]] if first in length else variable[...]
     attributes = attributes_of(variable)
     if attributes.pop(ENCODING, None) is None:

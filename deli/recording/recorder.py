@@ -49,7 +49,8 @@ class Memory:
                 if variable.grows:
                     values = np.concatenate([block[name] for block in blocks])
                 else:
-                    values = blocks[-1].get(name, constants[group].get(name))
+                    last = blocks[-1] if blocks else {}
+                    values = last[name] if name in last else constants[group][name]
                 groups[group][name] = (variable.dims, values, variable.attributes)
         return groups
 

@@ -18,12 +18,14 @@ class ProgressBar:
         Steps in total, and those of earlier sessions.
     shown : bool
         Whether to show the bar at all.
+    what : str
+        What is counted.
     """
 
-    def __init__(self, name: str, steps: int, done: int, shown: bool) -> None:
+    def __init__(self, name: str, steps: int, done: int, shown: bool, what: str = "steps") -> None:
         console = Console(file=sys.stderr)
         self.active = shown and (console.is_terminal or console.is_jupyter)
-        self._done = done
+        self._done, self._what = done, what
         if self.active:
             self._progress = Progress(
                 TextColumn("{task.description}"),
@@ -49,6 +51,6 @@ class ProgressBar:
     def update(self, step: int, energy_error: float | None = None) -> None:
         """Show that `step` steps are done."""
         seconds = max(time.perf_counter() - self._started, 1e-9)
-        rate = f"{(step - self._done) / seconds:,.0f} steps/s"
+        rate = f"{(step - self._done) / seconds:,.0f} {self._what}/s"
         note = "" if energy_error is None else f", energy error {energy_error:+.1e}"
         self._progress.update(self._task, completed=step, rate=rate, note=note, refresh=True)

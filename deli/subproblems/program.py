@@ -192,6 +192,23 @@ class ProgramSolver:
         linear = self._skip and equalities == rows
         if not (linear or self._choice.backend in NATIVE):
             return False
+        began = time.perf_counter()
+        iterations, residuals, solve_time = self.project_sparse(size, equalities, rows)
+        if not max(residuals) <= self._choice.tolerance:
+            return False
+        if not linear:
+            overhead = time.perf_counter() - began - solve_time
+            self._stats.add_native(self._subproblem, iterations, rows, solve_time, overhead)
+            if self._measured:
+                self._stats.measure(self._subproblem, *residuals)
+            self.backends.add("native")
+        return True
+
+    def project_sparse(self, size: int, equalities: int, rows: int) -> tuple[int, tuple[float, float, float], float]:
+        """Write z and y of the program at hand, solved over sparse factors by the native active-set method.
+
+        Returns its iterations, the residuals, and the seconds that it took without them. The metric is the identity.
+        """
         program, began = self.program, time.perf_counter()
         entries = program.start[rows]
         matrix = sparse.csr_array(
@@ -203,16 +220,8 @@ class ProgramSolver:
         residuals = native.residuals(
             program.start[: rows + 1], program.column[:entries], program.value[:entries], bounds, equalities, wish, z, y
         )
-        if not max(residuals) <= self._choice.tolerance:
-            return False
         program.z[:size], program.y[:rows] = z, y
-        if not linear:
-            solve_time, overhead = solved - began, time.perf_counter() - solved
-            self._stats.add_native(self._subproblem, iterations, rows, solve_time, overhead)
-            if self._measured:
-                self._stats.measure(self._subproblem, *residuals)
-            self.backends.add("native")
-        return True
+        return iterations, residuals, solved - began
 
     def _try(self) -> None:
         """Solve a trivial problem, so that what a backend does not accept is refused before a run starts."""
