@@ -134,8 +134,8 @@ def load_subproblem(path: str | os.PathLike[str], index: int) -> "cp.Problem":
     cvxpy.Problem
         The model in `deli.subproblems`, its Parameters holding the recorded values, its Variable the recorded answer
         and the constraints' dual values its multipliers. Units are those of the problem at hand: z = √M v over a
-        speed, so that the masses are one, and rows of unit length. Equations may depend on each other, where `deli.replay`
-        and runs hand an independent set to most backends.
+        speed, so that the masses are one, and rows of unit length. Equations may depend on each other;
+        runs and `deli.replay` hand an independent set of them to backends.
 
     Raises
     ------
@@ -143,11 +143,8 @@ def load_subproblem(path: str | os.PathLike[str], index: int) -> "cp.Problem":
         If the file has no subproblems, or none of that index.
     """
     problems, _ = read_subproblems(Path(path))
-    if (
-        isinstance(index, bool)
-        or not isinstance(index, int | np.integer)
-        or not -len(problems) <= index < len(problems)
-    ):
+    whole = isinstance(index, int | np.integer) and not isinstance(index, bool)
+    if not whole or not -len(problems) <= index < len(problems):
         raise InputError(f"index is {index!r}; {path} holds subproblems 0 to {len(problems) - 1}.")
     return problems[index].problem()
 

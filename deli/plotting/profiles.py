@@ -1,5 +1,7 @@
 """How backends compare on recorded subproblems: performance profiles, and errors."""
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -55,5 +57,5 @@ def draw_replay(figure: Figure | SubFigure, data: xr.Dataset) -> None:
     legend_below(figure, left)
 
 
-def _style(index: int) -> dict[str, object]:
+def _style(index: int) -> dict[str, Any]:
     return {"color": color(index), "linestyle": DASHES[index % len(DASHES)]}

@@ -18,7 +18,7 @@ from deli.running.progress import ProgressBar
 from deli.subproblems.choices import SUBPROBLEMS, SolverChoice, parse_choices
 from solvers import Status
 
-LIBRARY = Path(__file__).parent / "library" / "subproblems.nc"
+LIBRARY = Path(__file__).with_name("library.nc")
 """Easy and hard problems from deli's scenes."""
 LIMIT = 1.0
 REPEAT = 5

@@ -34,16 +34,15 @@ def print_replay(console: Console, data: xr.Dataset) -> None:
 
 
 def _comparison(data: xr.Dataset) -> Table:
-    table = Table(
-        "backend", "claimed", "verified", "false claims", "mean, s", "× best", "median, s", "fastest", "error"
-    )
+    times = ("mean, s", "× best", "median, s", "fastest")
+    table = Table("backend", "claimed", "verified", "false claims", *times, "largest error")
     means = shifted_geometric_mean(charged_times(data))
     fastest = (ratios(data) == 1.0).mean(axis=0)
     for place in np.argsort(means, kind="stable"):
         one = data.isel(backend=place)
         claimed, verified = one["claimed"].values, one["verified"].values
         false = int((claimed & ~verified).sum())
-        times = one["time"].values[verified]
+        solved = one["time"].values[verified]
         table.add_row(
             Text(str(one["backend"].item())),
             _share(claimed),
@@ -51,7 +50,7 @@ def _comparison(data: xr.Dataset) -> Table:
             str(false) if false else "–",
             f"{means[place]:.2e}",
             f"{means[place] / means.min():.3g}",
-            f"{np.median(times):.2e}" if times.size else "–",
+            f"{np.median(solved):.2e}" if solved.size else "–",
             f"{fastest[place]:.0%}",
             _number(np.nanmax(one["error"].values, initial=0.0)),
         )
@@ -60,9 +59,8 @@ def _comparison(data: xr.Dataset) -> Table:
 
 def _worst(data: xr.Dataset) -> Table:
     """Indices of the problems that each backend does worst on."""
-    table = Table(
-        "backend", "not verified", "largest error", "slowest against the fastest", title="worst cases, by index"
-    )
+    columns = ("backend", "not verified", "largest error", "slowest against the fastest")
+    table = Table(*columns, title="worst cases, by index")
     found = ratios(data)
     for place, name in enumerate(data["backend"].values):
         one = data.isel(backend=place)
