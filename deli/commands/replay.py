@@ -53,7 +53,7 @@ def replay(
 
     An answer is verified if its KKT residuals, recomputed, are within the tolerance; what a backend claims is a column
     of its own. Times are from data to checked answer, polish included. The mean time is a shifted geometric mean in
-    which a problem that was not solved costs the limit. Errors are distances to a solution with residuals below 1e-13.
+    which a problem that was not solved costs the limit. Errors are distances to a solution with residuals of rounding.
 
     Worst cases are listed by their index in the file: `deli.load_subproblem(FILE, INDEX)` returns one as a cvxpy
     problem. Exit status: 0 done, 2 the input is at fault.

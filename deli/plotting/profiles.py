@@ -7,11 +7,11 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from deli.plotting.lines import color, legend_below
+from deli.plotting.lines import COLORS, color, legend_below
 from deli.replaying.profiles import performance_profile
 
 DASHES = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
-"""Where colours run out, and for readers who cannot tell them apart."""
+"""For readers who cannot tell colours apart, and where colours run out."""
 ROUNDING = 1e-16
 
 
@@ -58,4 +58,4 @@ def draw_replay(figure: Figure | SubFigure, data: xr.Dataset) -> None:
 
 
 def _style(index: int) -> dict[str, Any]:
-    return {"color": color(index), "linestyle": DASHES[index % len(DASHES)]}
+    return {"color": color(index), "linestyle": DASHES[(index + index // len(COLORS)) % len(DASHES)]}

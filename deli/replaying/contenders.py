@@ -18,6 +18,7 @@ from deli.subproblems.stats import StepStats
 from solvers import Solution, Status
 from solvers.errors import SolverError
 
+EPSILON = float(np.finfo(float).eps)
 NO_ANSWER = "no_answer"
 STATUSES = (*(str(status) for status in Status), NO_ANSWER)
 """The verdict on residuals; the last where a backend refused the problem."""
@@ -40,6 +41,8 @@ class Outcome(NamedTuple):
         Primal, dual and complementarity residual, recomputed; nan where there is no answer.
     z : array
         The answer, nan where there is none.
+    multipliers : float
+        Sum of the sizes of its multipliers.
     polished : bool
         Whether the polish replaced the backend's answer.
     """
@@ -51,6 +54,7 @@ class Outcome(NamedTuple):
     iterations: int
     residuals: tuple[float, float, float]
     z: np.ndarray
+    multipliers: float
     polished: bool
 
 
@@ -80,7 +84,7 @@ class Contender:
             took = time.perf_counter() - began
         except (SolverError, StepError):
             nothing = np.full(posed.variables, np.nan)
-            return Outcome(NO_ANSWER, False, math.inf, math.inf, 0, (math.nan,) * 3, nothing, False)
+            return Outcome(NO_ANSWER, False, math.inf, math.inf, 0, (math.nan,) * 3, nothing, math.nan, False)
         rounds = [(took, solution.setup_time + solution.solve_time)]
         if took < limit:
             rounds = [_timed(compiled) for _ in range(repeat)]
@@ -94,6 +98,7 @@ class Contender:
             solution.iterations,
             residuals,
             np.array(solution.primal["velocity"]),
+            float(sum(np.abs(dual).sum() for dual in solution.dual)),
             solution.polished,
         )
 
@@ -122,7 +127,8 @@ def _project(solver: ProgramSolver, posed: PosedSubproblem, tolerance: float, re
         rounds.append((time.perf_counter() - began, inside))
     whole, inside = np.median(rounds[1:] or rounds, axis=0).tolist()
     status = Status.SOLVED if max(residuals) <= tolerance else Status.INACCURATE
-    return Outcome(str(status), True, whole, inside, iterations, residuals, solver.program.z.copy(), False)
+    z, multipliers = solver.program.z.copy(), float(np.abs(solver.program.y).sum())
+    return Outcome(str(status), True, whole, inside, iterations, residuals, z, multipliers, False)
 
 
 def _program(posed: PosedSubproblem) -> Program:
@@ -149,7 +155,9 @@ def _program(posed: PosedSubproblem) -> Program:
 class Reference:
     """Solutions to rounding: an active-set method polished, its residuals verified.
 
-    Where rows depend on each other multipliers are not unique, and z is.
+    They may be `TOLERANCE`, or what rounding leaves of the forces of large multipliers that cancel, which nearly
+    dependent rows have. The metrics are well conditioned, and z is as exact as the residuals; where rows depend on each
+    other multipliers are not unique.
     """
 
     BACKENDS = ("native", "daqp", "piqp")
@@ -159,9 +167,10 @@ class Reference:
         self._contenders = [Contender(SolverChoice(name, self.TOLERANCE, polish=True)) for name in self.BACKENDS]
 
     def solve(self, posed: PosedSubproblem) -> tuple[np.ndarray, float]:
-        """The point and its largest residual; nan where no backend gets it below `TOLERANCE`."""
+        """The point and its largest residual; nan where no backend finds one to rounding."""
         for contender in self._contenders:
             outcome = contender.solve(posed)
-            if outcome.status == Status.SOLVED:
-                return outcome.z, max(outcome.residuals)
+            residual = max(outcome.residuals)
+            if residual <= max(self.TOLERANCE, EPSILON * outcome.multipliers):
+                return outcome.z, residual
         return np.full(posed.variables, np.nan), math.nan

@@ -59,7 +59,8 @@ def replay(
         By ``problem``: its origin and sizes, ``reference_residual`` and ``recorded_error``. By ``problem`` and
         ``backend``: ``claimed`` (the backend's word), ``verified`` (residuals within the tolerance, and in time),
         ``status``, ``time`` and ``solver_time`` in seconds, ``iterations``, ``polished``, the three residuals, and
-        ``error``, the distance ``|z − z*|`` to a solution with residuals below 1e-13.
+        ``error``, the distance ``|z − z*|`` to a polished solution with residuals of rounding (1e-13, or the machine's
+        epsilon of the multipliers where these are large).
 
     Raises
     ------

@@ -59,7 +59,7 @@ def _comparison(data: xr.Dataset) -> Table:
 
 def _worst(data: xr.Dataset) -> Table:
     """Indices of the problems that each backend does worst on."""
-    columns = ("backend", "not verified", "largest error", "slowest against the fastest")
+    columns = ("backend", "not verified", "largest verified error", "slowest against the fastest")
     table = Table(*columns, title="worst cases, by index")
     found = ratios(data)
     for place, name in enumerate(data["backend"].values):

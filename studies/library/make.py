@@ -2,8 +2,8 @@
 
     python studies/library/make.py [-o subproblems.nc]
 
-The result is what `deli replay` solves where no file is named. Of each run, and of each shape of problem in it, it keeps
-a few spread over time and those nearest to degenerate: where a row hardly presses and is hardly open.
+The result is what `deli replay` solves where no file is named. Of each run, and each shape of problem in it, it keeps a
+few spread over time and those nearest to degenerate: where a row hardly presses and is hardly open.
 """
 
 import argparse
@@ -102,7 +102,7 @@ def stack(masses, speed=0.0):
     )
 
 
-SCENES, GVI = deli.scenes, deli.GVI
+SCENES, GVI, NUMERICAL = deli.scenes, deli.GVI, deli.GVI("verlet", energy="numerical")
 RUNS = [
     ("newtons_cradle", SCENES.newtons_cradle(), GVI(), 0.01, 400, {"skip": False}),
     ("spring_sphere smooth", SCENES.spring_sphere(start="smooth"), GVI(), 0.5, 100, {}),
