@@ -1,5 +1,6 @@
 """One subproblem as a step posed it, with the answer it got."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -12,8 +13,6 @@ from deli.subproblems.rows import DENSE, LARGEST_DENSE, find_patterns
 
 if TYPE_CHECKING:
     import cvxpy as cp
-
-    from solvers import QuadraticProgram
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,34 +93,30 @@ class PosedSubproblem:
         pressing[: self.equalities] = np.isfinite(self.y[: self.equalities])
         return pressing
 
-    def program(self) -> "QuadraticProgram":
-        """The same in the standard form of `solvers`: x is z, multipliers are −y of equations and y of inequalities."""
-        from solvers import Matrix, QuadraticProgram
-
-        n, split = self.variables, self.equalities
-        signs = np.where(np.arange(self.rows) < split, 1.0, -1.0)
-        dense = self.newton or n * max(n, self.rows) <= LARGEST_DENSE**2
-        quadratic = np.eye(n) if self.metric is None else self.metric
-        parts = (
-            sparse.csc_array(quadratic) if dense else sparse.eye_array(n, format="csc"),
-            sparse.csc_array(sparse.diags_array(signs) @ self.matrix),
-        )
-        matrices = [
-            Matrix(part.shape, part, part.toarray().ravel() if dense else part.data, dense, constant=False)
-            for part in parts
-        ]
-        upper = signs * self.bounds
-        lower = np.where(signs > 0.0, upper, -np.inf)
-        return QuadraticProgram(n, self.rows, split, matrices[0], -self.wish, matrices[1], lower, upper)
-
     def residuals(self, z: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
-        """Scaled primal, dual and complementarity residual of an answer, see `solvers.residuals.Residuals`."""
-        from solvers.residuals import Residuals
+        """Scaled primal, dual and complementarity residual of an answer, see `solvers.residuals.Residuals`.
 
-        found = Residuals(self.program())
-        if np.isfinite(z).all() and np.isfinite(y).all():
-            found.compute(z, np.where(np.arange(self.rows) < self.equalities, -y, y))
-        return found.primal, found.dual, found.complementarity
+        In the standard form of `solvers` rows are those of equations and −1 times those of inequalities, and so are
+        multipliers, of opposite signs.
+        """
+        from solvers.kernels import sparse_residuals  # numba takes half a second to import
+
+        if not (np.isfinite(z).all() and np.isfinite(y).all()):
+            return math.nan, math.nan, math.nan
+        n, row = self.variables, np.repeat(np.arange(self.rows), np.diff(self.start))
+        signs = np.where(np.arange(self.rows) < self.equalities, 1.0, -1.0)
+        if self.metric is None:
+            quadratic = np.arange(n + 1, dtype=np.int32), np.arange(n, dtype=np.int32), np.ones(n)
+        else:
+            every = np.arange(n, dtype=np.int32)
+            quadratic = n * np.arange(n + 1, dtype=np.int32), np.tile(every, n), self.metric.ravel()
+        order = np.argsort(self.column, kind="stable")
+        ends = np.cumsum(np.bincount(self.column, minlength=n), dtype=np.int32)
+        matrix = np.append(np.zeros(1, np.int32), ends), row[order].astype(np.int32), (signs[row] * self.value)[order]
+        primal, dual, complementarity, _ = sparse_residuals(
+            *quadratic, *matrix, -self.wish, signs * self.bounds, self.equalities, z, -signs * y
+        )
+        return primal, dual, complementarity
 
     def problem(self) -> "cp.Problem":
         """The cvxpy model with these numbers as values of its Parameters, and the answer as that of its Variable.
