@@ -70,8 +70,8 @@ def simulate(
         Replace `output`, and drop its partial file, where they exist.
     subproblems : bool or int
         Also record the subproblems that solvers get, with their answers, in a group ``subproblems``: the first so many,
-        10,000 if True, and 256 MB at most. What `skip` answers without a solver is none of them. The trajectory is the
-        same to the bit. `deli.replay` solves them again, `deli.load_subproblem` returns one as a cvxpy problem.
+        10,000 if True, until they take 256 MB. What `skip` answers without a solver is none of them. The trajectory
+        is the same to the bit. `deli.replay` solves them again, `deli.load_subproblem` returns one as a cvxpy problem.
 
     Returns
     -------

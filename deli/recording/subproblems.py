@@ -116,12 +116,6 @@ def places(counts: Mapping[str, np.ndarray], problems: int) -> dict[str, int]:
     return {"problem": problems, **{name: int(counts[count][:problems].sum()) for name, count in COUNTED.items()}}
 
 
-def bytes_until(ends: Mapping[str, int]) -> int:
-    """Bytes of what stands before these places."""
-    sizes = ((ends[one.dims[0]], np.dtype(one.dtype).itemsize) for one in SUBPROBLEM_VARIABLES if one.dims)
-    return sum(count * size for count, size in sizes)
-
-
 def _integers(values: Sequence[int], dtype: str = "i8") -> np.ndarray:
     return np.array(values, dtype=dtype)
 

@@ -16,11 +16,12 @@ from deli.recording.paths import partial_path
 from deli.recording.reading import read
 from deli.recording.recorder import BLOCK_ROWS, Memory, Recorder, diagnose
 from deli.recording.schema import STATS, TRAJECTORY, Groups, Schema, build_tree
-from deli.recording.subproblems import bytes_until
+from deli.recording.subproblems import COUNTED
 from deli.running.interrupts import Interrupted, StopRequests
 from deli.running.plan import Plan
 from deli.running.progress import ProgressBar
 from deli.subproblems.collector import Collector
+from deli.subproblems.posed import count_bytes
 
 COMPLETE, FAILED, INTERRUPTED = "complete", "failed", "interrupted"
 FLUSH_SECONDS, PATIENCE_SECONDS, REFRESH_SECONDS = 1.0, 10.0, 0.1
@@ -102,7 +103,8 @@ class Session:
         """Let a collector, which goes on where earlier sessions ended, have the stepper's subproblems."""
         ends = {} if self._writer is None else self._writer.ends
         kept = ends.get("problem", 0)
-        collector = Collector(self._plan.subproblems, kept, self._solves - kept, bytes_until(ends) if ends else 0)
+        size = count_bytes(*(ends[name] for name in COUNTED)) if ends else 0
+        collector = Collector(self._plan.subproblems, kept, self._solves - kept, size)
         self._stepper.collect(collector)
         return collector
 

@@ -27,7 +27,7 @@ class Collector:
     Attributes
     ----------
     left_out : int
-        Subproblems met and not kept, because there were enough or they took more than `MOST_BYTES`.
+        Subproblems met and not kept, because there were enough or they took `MOST_BYTES`.
     """
 
     def __init__(self, most: int = MOST, kept: int = 0, left_out: int = 0, size: int = 0) -> None:
