@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from deli.mechanics.potentials import Gravity, RadialPowers
     from deli.mechanics.scene import Scene
     from deli.reflect import reflect
+    from deli.replaying.replay import replay
     from deli.running.interrupts import Interrupted
-    from deli.simulation import open_run, simulate
+    from deli.simulation import load_subproblem, open_run, simulate
 
 __version__ = "0.1.0"
 
@@ -55,10 +56,12 @@ __all__ = [
     "Springs",
     "StepError",
     "impacts",
+    "load_subproblem",
     "metrics",
     "open_run",
     "plotting",
     "reflect",
+    "replay",
     "scenes",
     "simulate",
     "simulate_ensemble",
@@ -87,8 +90,10 @@ _HOME = {
     "SpheresInside": "deli.mechanics.distances",
     "SpheresOutside": "deli.mechanics.distances",
     "Springs": "deli.mechanics.pair_potentials",
+    "load_subproblem": "deli.simulation",
     "open_run": "deli.simulation",
     "reflect": "deli.reflect",
+    "replay": "deli.replaying.replay",
     "simulate": "deli.simulation",
     "simulate_ensemble": "deli.ensemble",
 }

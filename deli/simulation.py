@@ -2,16 +2,21 @@
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import xarray as xr
 
+from deli.errors import InputError
 from deli.mechanics.scene import Scene
 from deli.recording import provenance
-from deli.recording.reading import read
+from deli.recording.reading import read, read_subproblems
 from deli.recording.schema import build_tree
 from deli.running.plan import Plan, make_plan
 from deli.running.session import Session
+
+if TYPE_CHECKING:
+    import cvxpy as cp
 
 
 def simulate(
@@ -29,6 +34,7 @@ def simulate(
     progress: bool = False,
     contact_tolerance: float = 1e-8,
     overwrite: bool = False,
+    subproblems: bool | int = False,
 ) -> xr.DataTree:
     """Integrate a scene and record the run.
 
@@ -62,13 +68,18 @@ def simulate(
         Scaled tolerance of "the gap is zero".
     overwrite : bool
         Replace `output`, and drop its partial file, where they exist.
+    subproblems : bool or int
+        Also record the subproblems that solvers get, with their answers, in a group ``subproblems``: the first so many,
+        10,000 if True, until they take 256 MB. What `skip` answers without a solver is none of them. The trajectory
+        is the same to the bit. `deli.replay` solves them again, `deli.load_subproblem` returns one as a cvxpy problem.
 
     Returns
     -------
     xarray.DataTree
-        Groups ``trajectory`` and ``solver_stats``. The root attribute ``outcome`` is ``complete``, or says in which
-        step and why the run failed; a failed run ends with the last good state, whatever `every` is, and its file has
-        the final name. Where that adds a row, the row's stats count the failed attempt too.
+        Groups ``trajectory`` and ``solver_stats``, and ``subproblems`` if asked for. The root attribute ``outcome`` is
+        ``complete``, or says in which step and why the run failed; a failed run ends with the last good state,
+        whatever `every` is, and its file has the final name. Where that adds a row, the row's stats count
+        the failed attempt too.
 
     Raises
     ------
@@ -91,6 +102,7 @@ def simulate(
         resume=resume,
         contact_tolerance=contact_tolerance,
         overwrite=overwrite,
+        subproblems=subproblems,
     )
     return run_plan(plan, progress)
 
@@ -105,6 +117,36 @@ def open_run(path: str | os.PathLike[str]) -> xr.DataTree:
     """
     groups, attributes = read(Path(path))
     return build_tree(groups, attributes)
+
+
+def load_subproblem(path: str | os.PathLike[str], index: int) -> "cp.Problem":
+    """Load one recorded subproblem as the cvxpy problem that was posed.
+
+    Parameters
+    ----------
+    path : path
+        A run recorded with ``subproblems=True``, or a library of subproblems.
+    index : int
+        Its place along the dimension ``problem``, which `deli.replay` lists worst cases by; from the end if negative.
+
+    Returns
+    -------
+    cvxpy.Problem
+        The model in `deli.subproblems`, its Parameters holding the recorded values, its Variable the recorded answer
+        and the constraints' dual values its multipliers. Units are those of the problem at hand: z = √M v over a
+        speed, so that the masses are one, and rows of unit length. Equations may depend on each other;
+        runs and `deli.replay` hand an independent set of them to backends.
+
+    Raises
+    ------
+    InputError
+        If the file has no subproblems, or none of that index.
+    """
+    problems, _ = read_subproblems(Path(path))
+    whole = isinstance(index, int | np.integer) and not isinstance(index, bool)
+    if not whole or not -len(problems) <= index < len(problems):
+        raise InputError(f"index is {index!r}; {path} holds subproblems 0 to {len(problems) - 1}.")
+    return problems[index].problem()
 
 
 def run_plan(plan: Plan, progress: bool = False) -> xr.DataTree:

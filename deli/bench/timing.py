@@ -80,7 +80,9 @@ class Counter:
         self.solves = self.solving = self.touching = 0
         self.solver_seconds = self.overhead_seconds = 0.0
 
-    def write(self, first_row: int, trajectory: Mapping[str, Any], stats: Mapping[str, Any]) -> None:
+    def write(
+        self, first_row: int, trajectory: Mapping[str, Any], stats: Mapping[str, Any], problems: Any = None
+    ) -> None:
         """Count rows, and drop them."""
         solves = stats["solves"].sum(axis=1)
         self.solves += int(solves.sum())

@@ -8,6 +8,8 @@ import typer
 from deli.commands.console import RUN_FAILED, complain, console, guarded
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from deli.config import Config
 
 Settings = Annotated[
@@ -64,7 +66,7 @@ def run(
         raise typer.Exit(RUN_FAILED) from stopped
     if not quiet:
         print_summary(console(), result)
-        console().print(f"Recorded in {target}", soft_wrap=True)
+        console().print(f"Recorded in {target}{_subproblems(result)}", soft_wrap=True)
     if plot is not None:
         from deli.plotting import save
 
@@ -74,6 +76,14 @@ def run(
     if result.attrs["outcome"] != "complete":
         complain(f"{result.attrs['outcome']}; {result['trajectory'].sizes['time']} rows are in {target}.")
         raise typer.Exit(RUN_FAILED)
+
+
+def _subproblems(run: "xr.DataTree") -> str:
+    """Say how many subproblems were recorded, and how many left out."""
+    if "subproblems" not in run:
+        return ""
+    kept, left_out = run["subproblems"].sizes["problem"], int(run["subproblems"]["left_out"])
+    return f", with {kept:,} subproblems" + (f" ({left_out:,} more were left out)" if left_out else "")
 
 
 def read_config(source: str, settings: list[str]) -> "Config":

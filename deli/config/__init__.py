@@ -54,6 +54,7 @@ class Config:
             _build("method", METHODS[method.pop("name")], method),
             output=output or record.get("output"),
             every=record["every"],
+            subproblems=record["subproblems"],
             resume=resume,
             overwrite=overwrite,
             **settings,

@@ -54,11 +54,18 @@ class SolversTable(Table):
     projection: SolverTable | None = None
 
 
+def _most(value: Any) -> Any:
+    if not isinstance(value, int) or (value < 1 and not isinstance(value, bool)):
+        raise PydanticCustomError("unknown", "allowed: true, false, or how many at most, 1 or more")
+    return value
+
+
 class RecordTable(Table):
-    """How often rows are recorded, and the file they go to (relative to the current directory)."""
+    """How often rows are recorded, to which file (relative to the current directory), and how many subproblems."""
 
     every: int = Field(default=1, ge=1)
     output: str | None = None
+    subproblems: Annotated[Any, BeforeValidator(_most)] = False
 
 
 class RunTable(Table):

@@ -16,17 +16,13 @@ from deli.kernels.compiled import UNITS, Unit
 from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.record import Record
 from deli.mechanics.scene import Scene
-from deli.subproblems import position, projection, reflection
 from deli.subproblems.choices import SolverChoice
+from deli.subproblems.collector import Collector
+from deli.subproblems.models import MODELS
 from deli.subproblems.program import ProgramSolver
 from deli.subproblems.stats import StepStats
 
 _SEARCHES = 16  # times that neighbours are searched, ever farther, before a step is given up
-_MODELS = (
-    (reflection.model, reflection.numerical_model),
-    (position.model, position.newton_model),
-    (projection.model, projection.model),
-)
 
 
 class Bound:
@@ -53,6 +49,8 @@ class Bound:
         The arrays of the step at hand, `q`, `p` and `memory` those of its state.
     search_seconds : float
         That searches for neighbours have taken.
+    collector : Collector or None
+        Who has what solvers get.
     """
 
     def __init__(
@@ -70,10 +68,11 @@ class Bound:
         self.method = bind_method(recipe, step_size, choices, skip, contact_tolerance)
         self._stats = stats
         self.search_seconds = 0.0
+        self.collector: Collector | None = None
         self._take(scene)
         self._solvers = [
             ProgramSolver(number, *pair, self._program, choice, stats, measured=number != codes.POSITION, skip=skip)
-            for number, (pair, choice) in enumerate(zip(_MODELS, choices.values(), strict=True))
+            for number, (pair, choice) in enumerate(zip(MODELS, choices.values(), strict=True))
         ]
         self._connect()
 
@@ -91,6 +90,11 @@ class Bound:
         else:
             self.scene, self._tries = scene, 0
             self._machine.point("system", system)
+
+    def collect(self, collector: Collector) -> None:
+        """Let the collector have every subproblem that a solver gets from now on."""
+        self.collector = collector
+        self._connect()
 
     def place(self, position: np.ndarray, momentum: np.ndarray, memory: np.ndarray | None) -> None:
         """Put the scene in a state; see `deli.integrators.stepper.Stepper.place`."""
@@ -119,13 +123,15 @@ class Bound:
         self._tries = 0
 
     def widen(self) -> None:
-        """Search neighbours anew, farther each time that the same step asks for it.
+        """Search neighbours anew, farther each time that the same step asks for it; the step begins anew.
 
         Raises
         ------
         StepError
             If the step has asked too often.
         """
+        if self.collector is not None:
+            self.collector.forget_step()
         if self._tries == _SEARCHES:
             raise StepError("a body moves farther in one step than any search for neighbours; use a smaller step_size.")
         self._search(2.0**self._tries)
@@ -139,7 +145,7 @@ class Bound:
         self.work, self._islands, self._program = work_arrays(self._system, numerical, memory)
 
     def _connect(self) -> None:
-        self._bridge = Bridge(self.scene, self._mail, self._solvers, self.method, self.unit.address)
+        self._bridge = Bridge(self.scene, self._mail, self._solvers, self.method, self.unit.address, self.collector)
         self._build()
 
     def _search(self, factor: float) -> None:

@@ -3,6 +3,7 @@
 import ctypes
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from deli.kernels.turning import turn_numerical
 from deli.mechanics.constraints import ConstraintStack
 from deli.mechanics.energies import potential_hessian
 from deli.mechanics.scene import Scene
+from deli.subproblems.collector import Collector
 from deli.subproblems.program import ProgramSolver
 
 _SOFTEST = -0.5  # least eigenvalue, relative to the masses, that the metric takes from an indefinite hessian
@@ -35,9 +37,19 @@ class Bridge:
     method : Method
     step : int
         Address of the unit that takes a step.
+    collector : Collector, optional
+        Who is to have what solvers get.
     """
 
-    def __init__(self, scene: Scene, mail: Mail, solvers: list[ProgramSolver], method: Method, step: int) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        mail: Mail,
+        solvers: list[ProgramSolver],
+        method: Method,
+        step: int,
+        collector: Collector | None = None,
+    ) -> None:
         self.raised: BaseException | None = None
         self._scene = scene
         self._mail = mail
@@ -56,6 +68,8 @@ class Bridge:
         # Kernels know these by their addresses: they live as long as the bridge.
         self._evaluate = _Function(self._answer)
         self._solve = _Function(self._answer_program)
+        self._watching = self._watch(collector) if collector else ()
+        posed, solved = map(_address, self._watching) if collector else (0, 0)
         self.hooks = Hooks(
             evaluate=_address(self._evaluate),
             solve=_address(self._solve),
@@ -63,6 +77,8 @@ class Bridge:
             numerical=turn_numerical.address if method.numerical else 0,
             step=step,
             root=_brentq() if method.order else 0,
+            posed=posed,
+            solved=solved,
         )
 
     def forget(self) -> BaseException | None:
@@ -71,18 +87,29 @@ class Bridge:
         return raised
 
     def _answer(self, what: int, *_: int) -> int:
-        try:
-            self._answers[what]()
-        except BaseException as error:  # handed on once the kernel has returned
-            self.raised = error
-            return 1
-        return 0
+        return self._try(self._answers[what])
 
     def _answer_program(self, subproblem: int, size: int, equalities: int, rows: int) -> int:
-        try:
+        newton = subproblem >= NEWTON
+        solver = self._solvers[subproblem - NEWTON if newton else subproblem]
+        return self._try(solver.solve, size, equalities, rows, newton)
+
+    def _watch(self, collector: Collector) -> tuple[Any, Any]:
+        """Functions that hand what solvers get, and their answers, to the collector."""
+
+        def pose(subproblem: int, size: int, equalities: int, rows: int) -> int:
             newton = subproblem >= NEWTON
-            solver = self._solvers[subproblem - NEWTON if newton else subproblem]
-            solver.solve(size, equalities, rows, newton)
+            number = subproblem - NEWTON if newton else subproblem
+            return self._try(collector.pose, number, newton, self._solvers[0].program, size, equalities, rows)
+
+        def take_answer(code: int, *_: int) -> int:
+            return self._try(collector.take_answer, self._solvers[0].program, code == asked.DONE)
+
+        return _Function(pose), _Function(take_answer)
+
+    def _try(self, function: Callable[..., None], *arguments: Any) -> int:
+        try:
+            function(*arguments)
         except BaseException as error:  # handed on once the kernel has returned
             self.raised = error
             return 1

@@ -13,6 +13,7 @@ from deli.kernels.record import Record
 from deli.kernels.step import reflect_touching
 from deli.mechanics.scene import Scene
 from deli.subproblems.choices import parse_choices
+from deli.subproblems.collector import Collector
 from deli.subproblems.stats import StepStats
 
 
@@ -72,6 +73,10 @@ class Stepper:
     def scene(self) -> Scene:
         """The scene that is stepped."""
         return self._bound.scene
+
+    def collect(self, collector: Collector) -> None:
+        """Let the collector have every subproblem that a solver gets from now on."""
+        self._bound.collect(collector)
 
     def switch(self, scene: Scene, system: int | None = None) -> None:
         """Step another scene of equal dof and dimension from now on, as if this were a new stepper.
@@ -185,6 +190,8 @@ class Stepper:
         """
         progress, bound = block.fields.progress, self._bound
         bound.advanced()
+        if bound.collector is not None:
+            bound.collector.follow(progress)
         while True:
             before = progress[0]
             code = bound.call(advance, block.address, steps, every, deadline)

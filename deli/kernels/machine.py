@@ -26,6 +26,9 @@ class Hooks(NamedTuple):
         The unit that takes a step of the method.
     root : int
         ``brentq`` of SciPy, for methods that find roots.
+    posed, solved : int
+        Whoever watches what is solved: ``posed(subproblem, size, equalities, rows)`` is called when a solver is about
+        to get the program in `Program`, ``solved(code, size, equalities, rows)`` when its answer is there, or none is.
     """
 
     evaluate: int
@@ -34,6 +37,8 @@ class Hooks(NamedTuple):
     numerical: int
     step: int
     root: int
+    posed: int
+    solved: int
 
 
 class Mail(NamedTuple):

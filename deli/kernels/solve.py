@@ -160,12 +160,17 @@ def solve(machine: Machine, subproblem: int, size: int, equalities: int, rows: i
         wish[k] /= speed
     for row in range(rows):
         bounds[row] /= speed
+    asked = subproblem + NEWTON if newton else subproblem
+    watched = hooks.posed != 0 and not linear
+    if watched and call(hooks.posed, asked, size, equalities, rows) != 0:
+        return RAISED
     code = DONE
     if not (linear or method.native[subproblem]) or not _solve_native(
         machine, subproblem, size, equalities, rows, newton, linear
     ):
-        asked = subproblem + NEWTON if newton else subproblem
         code = DONE if call(hooks.solve, asked, size, equalities, rows) == 0 else RAISED
+    if watched and call(hooks.solved, code, size, equalities, rows) != 0:
+        return RAISED
     for k in range(size):
         z[k] *= speed
     for row in range(rows):

@@ -1,7 +1,18 @@
-"""Figures of a run: what it conserves over time, where it goes, and how it moves."""
+"""Figures of a run: what it conserves, where it goes, how it moves; and how backends compare on subproblems."""
 
 from deli.plotting.animation import animate, check_movie, save_animation
-from deli.plotting.figures import check_picture, energy, gaps, history, momenta, residuals, save, trajectory
+from deli.plotting.figures import (
+    check_picture,
+    energy,
+    gaps,
+    history,
+    momenta,
+    performance_profile,
+    residuals,
+    save,
+    save_replay,
+    trajectory,
+)
 
 __all__ = [
     "animate",
@@ -11,8 +22,10 @@ __all__ = [
     "gaps",
     "history",
     "momenta",
+    "performance_profile",
     "residuals",
     "save",
     "save_animation",
+    "save_replay",
     "trajectory",
 ]

@@ -11,8 +11,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.patches import Rectangle
 
 from deli.errors import InputError
-from deli.plotting.figures import STYLE, new_figure
 from deli.plotting.lines import color, draw_line, unit
+from deli.plotting.style import STYLE, new_figure
 from deli.recording.schema import TRAJECTORY, dataset_of
 
 MARKERS = "osD^vPX*"

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure, SubFigure
 from deli.errors import InputError
 from deli.mechanics.scene import Scene
 from deli.plotting.history import draw_energy, draw_gaps, draw_history, draw_momenta, draw_residuals, set_time_axis
+from deli.plotting.profiles import draw_profile, draw_replay
 from deli.plotting.style import STYLE, check_folder, known_scene, new_figure, run_title
 from deli.plotting.trajectory import draw_paths, draw_trajectory, tells_apart
 
@@ -117,6 +118,46 @@ def save(run: xr.DataTree, path: str | os.PathLike[str], scene: Scene | None = N
         draw_history(left, run)
         draw_trajectory(right, run, known_scene(run, scene))
         figure.suptitle(run_title(run), fontsize=11)
+        figure.savefig(path, dpi=DPI)
+
+
+def performance_profile(data: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw the share of problems that each backend solves within a factor of the fastest (Dolan and Moré 2002).
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        From `deli.replay`.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure's if left out.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    if ax is not None:
+        draw_profile(ax, data)
+        return ax
+    with matplotlib.rc_context(STYLE):
+        axes: Axes = new_figure((7.0, 4.5)).subplots()
+        draw_profile(axes, data)
+        axes.legend(loc="lower right")
+    return axes
+
+
+def save_replay(data: xr.Dataset, path: str | os.PathLike[str]) -> None:
+    """Draw performance profile and errors of `deli.replay` side by side into a file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written or its format is unknown.
+    """
+    check_picture(Path(path))
+    with matplotlib.rc_context(STYLE):
+        figure = new_figure((11.0, 4.8))
+        draw_replay(figure, data)
+        figure.suptitle(data.attrs["title"], fontsize=10)
         figure.savefig(path, dpi=DPI)
 
 

@@ -12,10 +12,11 @@ import netCDF4
 import numpy as np
 
 from deli.errors import DeliError, InputError
-from deli.recording.schema import STATS, TRAJECTORY, Block, Schema, Variable, coordinates
+from deli.recording.schema import POSED, STATS, TRAJECTORY, Block, Schema, Variable, coordinates
+from deli.recording.subproblems import COUNTED, places
 
-CHUNK_ROWS = 256
-COMMITTED, WALL_TIME = "committed_rows", "committed_wall_time"
+CHUNK_ROWS, CHUNK_PLACES = 256, 4096
+COMMITTED, WALL_TIME, COMMITTED_PROBLEMS = "committed_rows", "committed_wall_time", "committed_subproblems"
 ENCODING = "_Encoding"
 """The attribute that tells readers to join letters to words."""
 
@@ -39,12 +40,21 @@ class Writer:
     """Appends rows to a partial file, and commits them.
 
     A commit writes the rows, syncs, writes their number, and syncs again: whatever kills the process, the rows that
-    the number counts are whole.
+    the number counts are whole. Subproblems are counted before the rows: those of steps beyond the last committed row
+    that a kill in between leaves are dropped when the file is continued.
+
+    Attributes
+    ----------
+    rows : int
+        Committed so far.
+    ends : dict of str to int
+        Where the committed subproblems end along each ragged dimension; empty where none are recorded.
     """
 
-    def __init__(self, path: Path, dataset: netCDF4.Dataset, rows: int, wall_time: float) -> None:
+    def __init__(self, path: Path, dataset: netCDF4.Dataset, rows: int, wall_time: float, ends: dict[str, int]) -> None:
         self.path = path
         self.rows = rows
+        self.ends = ends
         self._dataset = dataset
         self._earlier = wall_time
         self._started = time.perf_counter()
@@ -69,15 +79,16 @@ class Writer:
             return cls.reopen(path)
 
     @classmethod
-    def reopen(cls, path: Path) -> "Writer":
-        """Continue a file after its last committed row."""
+    def reopen(cls, path: Path, steps: int = 0) -> "Writer":
+        """Continue a file after its last committed row, to which the run has taken `steps` steps."""
         _refuse_second(path)
         with LIBRARY:
             try:
                 dataset = netCDF4.Dataset(path, "a")
             except OSError as error:
                 raise InputError(f"{path} cannot be continued ({error}); is another run writing it?") from error
-            return cls(path, dataset, int(dataset[COMMITTED][...]), float(dataset[WALL_TIME][...]))
+            ends = _ends(dataset, steps) if POSED in dataset.groups else {}
+            return cls(path, dataset, int(dataset[COMMITTED][...]), float(dataset[WALL_TIME][...]), ends)
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -90,14 +101,19 @@ class Writer:
         """Seconds spent on the run, earlier sessions included."""
         return self._earlier + time.perf_counter() - self._started
 
-    def write(self, first_row: int, trajectory: Block, stats: Block) -> None:
-        """Append rows and commit them."""
+    def write(self, first_row: int, trajectory: Block, stats: Block, problems: Block | None = None) -> None:
+        """Append rows, and subproblems, and commit them."""
         try:
             with LIBRARY:
                 self._append(TRAJECTORY, first_row, trajectory)
                 self._append(STATS, max(first_row - 1, 0), stats)
                 self._dataset[WALL_TIME][...] = self.wall_time
+                if problems is not None:
+                    self._append_problems(problems)
                 self._dataset.sync()
+                if problems is not None:
+                    self._dataset[COMMITTED_PROBLEMS][...] = self.ends["problem"]
+                    self._dataset.sync()
                 self.rows = first_row + len(trajectory["time"])
                 self._dataset[COMMITTED][...] = self.rows
                 self._dataset.sync()
@@ -122,10 +138,29 @@ class Writer:
         os.replace(self.path, rename)
         return rename
 
+    def _append_problems(self, block: Block) -> None:
+        group = self._dataset[POSED]
+        for name, values in block.items():
+            variable = group[name]
+            if not variable.dimensions:
+                variable[...] = values
+            elif len(values):
+                begin = self.ends[variable.dimensions[0]]
+                variable[begin : begin + len(values)] = values
+        added = {"problem": len(block["rows"]), **{name: int(block[counts].sum()) for name, counts in COUNTED.items()}}
+        self.ends = {name: end + added[name] for name, end in self.ends.items()}
+
     def _append(self, group: str, first: int, block: Block) -> None:
         for name, values in block.items():
             if len(values):
                 self._dataset[group][name][first : first + len(values)] = values
+
+
+def _ends(dataset: netCDF4.Dataset, steps: int) -> dict[str, int]:
+    dataset.set_auto_mask(False)
+    group, committed = dataset[POSED], int(dataset[COMMITTED_PROBLEMS][...])
+    taken = int(np.searchsorted(group["step"][:committed], steps))
+    return places({name: group[name] for name in COUNTED.values()}, taken)
 
 
 def attributes_of(owner: netCDF4.Dataset | netCDF4.Variable) -> dict[str, Any]:
@@ -146,6 +181,10 @@ def _lay_out(dataset: netCDF4.Dataset, schema: Schema, attributes: Mapping[str, 
     wall_time = dataset.createVariable(WALL_TIME, "f8", (), fill_value=False)
     wall_time.setncatts({"units": "s", "long_name": "wall time spent on them"})
     committed[...], wall_time[...] = 0, 0.0
+    if schema.subproblems:
+        problems = dataset.createVariable(COMMITTED_PROBLEMS, "i8", (), fill_value=False)
+        problems.setncatts({"units": "1", "long_name": "subproblems that are whole"})
+        problems[...] = 0
     constants = schema.constants()
     for name, variables in schema.groups.items():
         group = dataset.createGroup(name)
@@ -158,11 +197,12 @@ def _lay_out(dataset: netCDF4.Dataset, schema: Schema, attributes: Mapping[str, 
                 continue
             created = _create(group, variable, schema.sizes)
             if not variable.grows:
-                created[:] = constants[name][variable.name]
+                created[...] = constants[name][variable.name]
 
 
 def _create(group: netCDF4.Group, variable: Variable, sizes: Mapping[str, int]) -> netCDF4.Variable:
-    chunks = [sizes.get(dimension, CHUNK_ROWS) for dimension in variable.dims] if variable.grows else None
+    usual = CHUNK_PLACES if variable.dims and variable.dims[0] in COUNTED else CHUNK_ROWS
+    chunks = [sizes.get(dimension, usual) for dimension in variable.dims] if variable.grows else None
     created: netCDF4.Variable = group.createVariable(
         variable.name, np.dtype(variable.dtype), variable.dims, fill_value=False, chunksizes=chunks
     )

@@ -40,17 +40,18 @@ def describe(scene: Scene, method: Any, **settings: Any) -> dict[str, Any]:
     scene, method
         What is run.
     settings
-        Keyword arguments of `deli.simulate` that matter: step_size, steps, every, skip, contact_tolerance, solvers.
+        Keyword arguments of `deli.simulate` that matter: step_size, steps, every, skip, contact_tolerance, solvers,
+        subproblems.
     """
     choices = parse_choices(settings.pop("solvers"))
-    every = settings.pop("every")
+    record = {"every": settings.pop("every"), "subproblems": settings.pop("subproblems", 0) or None}
     return plain(
         {
             **settings,
             "scene": _describe_scene(scene),
             "method": {"name": method_name(type(method)), **dataclasses.asdict(method)},
             "solvers": {name: dataclasses.asdict(choice) for name, choice in choices.items()},
-            "record": {"every": every},
+            "record": record,
         }
     )
 
@@ -77,7 +78,7 @@ def attributes(config: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
         "cvxpy_version": version("cvxpy"),
         "numpy_version": version("numpy"),
         "python_version": platform.python_version(),
-        "machine": f"{platform.platform()}, {os.cpu_count()} CPUs",
+        "machine": machine(),
         **conserved_momenta(scene),
         "units_note": UNITS_NOTE,
         "start": now(),
@@ -122,6 +123,11 @@ def backend_version(name: str) -> str:
 def version(distribution: str) -> str:
     """Version of an installed distribution."""
     return importlib.metadata.version(distribution)
+
+
+def machine() -> str:
+    """Operating system and number of processors."""
+    return f"{platform.platform()}, {os.cpu_count()} CPUs"
 
 
 def now() -> str:

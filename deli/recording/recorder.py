@@ -7,6 +7,8 @@ import numpy as np
 from deli.integrators.discrete_smooth import DiscreteSmooth
 from deli.mechanics.scene import Scene
 from deli.recording.schema import STATS, Block, Groups, Schema
+from deli.recording.subproblems import LEFT_OUT, pack
+from deli.subproblems.collector import Collector
 from deli.subproblems.stats import COUNTS, RESIDUALS, TIMES
 
 BLOCK_ROWS = 256
@@ -18,19 +20,22 @@ STAT_NAMES = (*COUNTS, *TIMES, *RESIDUALS, "status")
 class Sink(Protocol):
     """Takes rows, in order."""
 
-    def write(self, first_row: int, trajectory: Block, stats: Block) -> None:
-        """Keep rows `first_row`, `first_row` + 1, ... and the steps that lead to them (none leads to row 0)."""
+    def write(self, first_row: int, trajectory: Block, stats: Block, problems: Block | None = None) -> None:
+        """Keep rows `first_row`, `first_row` + 1, ... and the steps that lead to them (none leads to row 0).
+
+        `problems` are the subproblems of these steps, where they are recorded.
+        """
 
 
 class Memory:
     """Keeps rows in memory."""
 
     def __init__(self) -> None:
-        self._blocks: list[tuple[Block, Block]] = []
+        self._blocks: list[tuple[Block, Block, Block]] = []
 
-    def write(self, first_row: int, trajectory: Block, stats: Block) -> None:
+    def write(self, first_row: int, trajectory: Block, stats: Block, problems: Block | None = None) -> None:
         """Keep rows, see `Sink`."""
-        self._blocks.append((trajectory, stats))
+        self._blocks.append((trajectory, stats, problems or {}))
 
     def collect(self, schema: Schema) -> Groups:
         """All rows, as they would be read from a file."""
@@ -41,7 +46,11 @@ class Memory:
             groups[group] = {}
             for variable in variables:
                 name = variable.name
-                values = np.concatenate([block[name] for block in blocks]) if variable.grows else constants[group][name]
+                if variable.grows:
+                    values = np.concatenate([block[name] for block in blocks])
+                else:
+                    last = blocks[-1] if blocks else {}
+                    values = last[name] if name in last else constants[group][name]
                 groups[group][name] = (variable.dims, values, variable.attributes)
         return groups
 
@@ -58,6 +67,8 @@ class Recorder:
         Rows that earlier sessions have recorded.
     memory : tuple of str
         Names of what the method carries from step to step besides q and p.
+    collector : Collector, optional
+        Who has the subproblems to record.
 
     Attributes
     ----------
@@ -66,7 +77,13 @@ class Recorder:
     """
 
     def __init__(
-        self, scene: Scene, step_size: float, sink: Sink, first_row: int = 0, memory: tuple[str, ...] = ()
+        self,
+        scene: Scene,
+        step_size: float,
+        sink: Sink,
+        first_row: int = 0,
+        memory: tuple[str, ...] = (),
+        collector: Collector | None = None,
     ) -> None:
         from deli.kernels.advance import make_block  # compiles what it imports
 
@@ -75,6 +92,7 @@ class Recorder:
         self._sink = sink
         self._first_row = first_row
         self._remembered = memory
+        self._collector = collector
         self._dtypes = {variable.name: variable.dtype for variable in Schema(scene.dof, scene.dimension).groups[STATS]}
         rows = int(np.clip(BLOCK_BYTES // (16 * scene.dof), 1, MOST_ROWS))
         self.block = make_block(rows, scene.dof, scene.dimension, len(memory))
@@ -99,10 +117,14 @@ class Recorder:
         """The step that leads to the last buffered row."""
         return int(self.block.fields.steps[self.buffered - 1])
 
-    def flush(self) -> None:
-        """Hand all buffered rows to the sink."""
+    def flush(self, last: bool = False) -> None:
+        """Hand all buffered rows to the sink, and the subproblems of the steps that lead to them.
+
+        With `last`, also those of later steps, which lead to no row.
+        """
         count, block = self.buffered, self.block.fields
-        if not count:
+        problems = self._problems(last)
+        if not count and not (problems and len(problems["step"])):
             return
         trajectory: Block = {
             "time": block.steps[:count] * self._step_size,
@@ -121,9 +143,15 @@ class Recorder:
             for name, values in zip(STAT_NAMES, columns, strict=True)
         }
         stats["step"] = np.arange(max(self._first_row - 1, 0), self.rows - 1)
-        self._sink.write(self._first_row, trajectory, stats)
+        self._sink.write(self._first_row, trajectory, stats, problems)
         self._first_row += count
         block.progress[1] = 0
+
+    def _problems(self, last: bool) -> Block | None:
+        if self._collector is None:
+            return None
+        steps = None if last else self.last_step if self.buffered else 0
+        return pack(self._collector.release(steps)) | {LEFT_OUT: np.array(self._collector.left_out)}
 
 
 def named_diagnostics(columns: np.ndarray, dimension: int) -> Block:

@@ -1,11 +1,13 @@
 """What a recorded run contains: every variable with its dimensions, type, units and long name."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from deli.recording.subproblems import LEFT_OUT, SUBPROBLEM_VARIABLES
+from deli.recording.variable import Variable
 from deli.subproblems.choices import SUBPROBLEMS
 from deli.subproblems.stats import STATUS_MEANINGS
 
@@ -19,33 +21,11 @@ UNITS_NOTE = (
     "coordinates are not lengths follow the scene."
 )
 AXES = ("x", "y", "z")
-TRAJECTORY, STATS = "trajectory", "solver_stats"
+TRAJECTORY, STATS, POSED = "trajectory", "solver_stats", "subproblems"
 
 Block = dict[str, np.ndarray]
 VariableData = tuple[tuple[str, ...], np.ndarray, dict[str, Any]]  # dims, values, attributes
 Groups = dict[str, dict[str, VariableData]]
-
-
-@dataclass(frozen=True)
-class Variable:
-    """One recorded variable: name, dimensions, dtype and attributes."""
-
-    name: str
-    dims: tuple[str, ...]
-    dtype: str
-    units: str
-    long_name: str
-    extra: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def attributes(self) -> dict[str, Any]:
-        """Attributes as they stand in the file and in memory."""
-        return {"units": self.units, "long_name": self.long_name, **self.extra}
-
-    @property
-    def grows(self) -> bool:
-        """Whether rows are appended to the variable while the run goes on."""
-        return bool(self.dims) and self.dims[0] in ("time", "step")
 
 
 @dataclass(frozen=True)
@@ -54,17 +34,20 @@ class Schema:
 
     Group ``trajectory`` grows along ``time`` (row 0 is the initial state), group ``solver_stats`` along ``step``:
     ``step`` k leads from row k to row k + 1 and sums up all integration steps between them. `memory` names what the
-    method carries from step to step besides position and momentum.
+    method carries from step to step besides position and momentum. With `subproblems` there is a group ``subproblems``,
+    which grows along ``problem`` and the ragged dimensions that hold its numbers.
     """
 
     dof: int
     dimension: int
     memory: tuple[str, ...] = ()
+    subproblems: bool = False
 
     @property
     def groups(self) -> dict[str, tuple[Variable, ...]]:
         """Variables by group, coordinates first."""
-        return {TRAJECTORY: self._trajectory(), STATS: _STATS}
+        posed = {POSED: SUBPROBLEM_VARIABLES} if self.subproblems else {}
+        return {TRAJECTORY: self._trajectory(), STATS: _STATS, **posed}
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -83,6 +66,7 @@ class Schema:
                 "axis": np.array(AXES[: self.dimension]),
             },
             STATS: {"subproblem": np.array(SUBPROBLEMS)},
+            POSED: {LEFT_OUT: np.array(0)},
         }
 
     def _trajectory(self) -> tuple[Variable, ...]:
@@ -188,7 +172,8 @@ _STATS = (
 
 def coordinates(group: str) -> tuple[str, ...]:
     """Names in a group that are coordinates rather than data."""
-    return {TRAJECTORY: ("time", "dof", "body", "direction", "axis"), STATS: ("step", "subproblem")}[group]
+    named = {TRAJECTORY: ("time", "dof", "body", "direction", "axis"), STATS: ("step", "subproblem")}
+    return named.get(group, ())
 
 
 def build_tree(groups: Groups, attributes: Mapping[str, Any]) -> "xr.DataTree":

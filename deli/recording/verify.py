@@ -11,7 +11,9 @@ import xarray as xr
 from deli.integrators.registry import METHODS
 from deli.recording import provenance, reading
 from deli.recording.recorder import diagnose
-from deli.recording.schema import STATS, TRAJECTORY, Groups, Schema, build_tree, dataset_of
+from deli.recording.schema import POSED, STATS, TRAJECTORY, Groups, Schema, build_tree, dataset_of
+from deli.recording.subproblems import LEFT_OUT
+from deli.subproblems.stats import RESIDUALS
 
 AGREEMENT = 1e-9
 MAY_BE_NAN = ("gap_min", "equality_residual", "primal_residual", "dual_residual", "complementarity")
@@ -39,6 +41,7 @@ def verify(path: Path) -> list[Finding]:
     config = tomllib.loads(attributes["config"])
     findings = [Finding("outcome", None, attributes["outcome"])]
     findings += [_schema(groups, config["method"]["name"]), _rows(path, run), _finite(run), _times(run, config)]
+    findings += [_problems(path, run)] if POSED in groups else []
     return findings + list(_diagnostics(run))
 
 
@@ -46,7 +49,7 @@ def _schema(groups: Groups, method: str) -> Finding:
     dof, dimension = (len(groups[TRAJECTORY][name][1]) for name in ("dof", "axis"))
     memory = METHODS[method].MEMORY if method in METHODS else ()
     wrong = []
-    for group, variables in Schema(dof, dimension, memory).groups.items():
+    for group, variables in Schema(dof, dimension, memory, POSED in groups).groups.items():
         for variable in variables:
             name = f"{group}/{variable.name}"
             if variable.name not in groups[group]:
@@ -84,6 +87,22 @@ def _times(run: xr.DataTree, config: dict[str, float]) -> Finding:
     uneven = np.abs(steps - np.round(steps)) > 1e-6
     holds = not uneven.any() and bool((np.diff(np.round(steps)) > 0).all())
     return Finding("times", holds, f"0 to {time[-1]:.9g}, multiples of {config['step_size']}")
+
+
+def _problems(path: Path, run: xr.DataTree) -> Finding:
+    """Whether the answers to recorded subproblems are as good as it says."""
+    recorded = dataset_of(run, POSED)
+    kept, left_out = recorded.sizes["problem"], int(recorded[LEFT_OUT])
+    worst = 0.0
+    if kept:
+        problems, _ = reading.read_subproblems(path)
+        again = np.array([one.residuals(one.z, one.y) for one in problems])
+        before = np.stack([recorded[name].values for name in RESIDUALS], axis=1)
+        if not np.array_equal(np.isnan(again), np.isnan(before)):
+            return Finding("subproblems", False, "some have an answer and no residual, or a residual and no answer")
+        worst = float(np.nanmax(np.abs(again - before), initial=0.0))
+    seen = f"{kept:,} kept, {left_out:,} left out; residuals recomputed from their numbers differ by {worst:.1e}"
+    return Finding("subproblems", worst <= AGREEMENT, seen)
 
 
 def _diagnostics(run: xr.DataTree) -> Iterator[Finding]:

@@ -12,6 +12,7 @@ from deli.integrators.integrator import Integrator
 from deli.mechanics.scene import Scene
 from deli.recording import provenance
 from deli.recording.paths import check_output
+from deli.subproblems.collector import MOST
 
 DURATION_TOLERANCE = 1e-9
 
@@ -31,6 +32,7 @@ class Plan:
     output: Path | None
     resume: bool
     overwrite: bool
+    subproblems: int
 
     @property
     def rows(self) -> int:
@@ -56,6 +58,7 @@ class Plan:
             contact_tolerance=self.contact_tolerance,
             solvers=self.solvers,
             every=self.every,
+            subproblems=self.subproblems,
         )
 
     @property
@@ -88,6 +91,7 @@ def make_plan(
     resume: bool = False,
     contact_tolerance: float = 1e-8,
     overwrite: bool = False,
+    subproblems: bool | int = False,
 ) -> Plan:
     """Check the arguments of `deli.simulate`.
 
@@ -121,6 +125,7 @@ def make_plan(
         output=target,
         resume=resume,
         overwrite=overwrite,
+        subproblems=_most(subproblems),
     )
 
 
@@ -140,6 +145,18 @@ def _count_steps(step_size: float, steps: int | None, duration: float | None) ->
             f"{' and '.join(allowed)}."
         )
     return nearest
+
+
+def _most(subproblems: Any) -> int:
+    """How many subproblems to record at most."""
+    if isinstance(subproblems, bool):
+        return MOST if subproblems else 0
+    try:
+        return _count("subproblems", subproblems)
+    except InputError as error:
+        raise InputError(
+            f"subproblems is {subproblems!r}; allowed: True ({MOST:,} at most), False, or a whole number >= 1."
+        ) from error
 
 
 def _positive(name: str, value: Any) -> float:

@@ -15,10 +15,13 @@ from deli.recording import netcdf, provenance
 from deli.recording.paths import partial_path
 from deli.recording.reading import read
 from deli.recording.recorder import BLOCK_ROWS, Memory, Recorder, diagnose
-from deli.recording.schema import TRAJECTORY, Groups, Schema, build_tree
+from deli.recording.schema import STATS, TRAJECTORY, Groups, Schema, build_tree
+from deli.recording.subproblems import COUNTED
 from deli.running.interrupts import Interrupted, StopRequests
 from deli.running.plan import Plan
 from deli.running.progress import ProgressBar
+from deli.subproblems.collector import Collector
+from deli.subproblems.posed import count_bytes
 
 COMPLETE, FAILED, INTERRUPTED = "complete", "failed", "interrupted"
 FLUSH_SECONDS, PATIENCE_SECONDS, REFRESH_SECONDS = 1.0, 10.0, 0.1
@@ -37,13 +40,17 @@ class Session:
         self._began = time.perf_counter()
         self._stepper = plan.stepper()
         self._attributes = provenance.attributes(config, plan.scene)
-        self._schema = Schema(plan.scene.dof, plan.scene.dimension, plan.memory)
+        self._schema = Schema(plan.scene.dof, plan.scene.dimension, plan.memory, plan.subproblems > 0)
         self._state: tuple[np.ndarray, ...] = (plan.scene.position, plan.scene.momentum)
         self._energy = float(energies.hamiltonian(plan.scene, *self._state))
         self._memory, self._writer, first_row = Memory(), None, 0
+        self._solves = 0
         if plan.output is not None:
             self._writer, first_row = self._open(partial_path(plan.output), config)
-        self._recorder = Recorder(plan.scene, plan.step_size, self._writer or self._memory, first_row, plan.memory)
+        collector = self._collect() if plan.subproblems else None
+        self._recorder = Recorder(
+            plan.scene, plan.step_size, self._writer or self._memory, first_row, plan.memory, collector
+        )
         self._stepper.place(*self._state)
         self._progress = self._recorder.block.fields.progress
         if first_row == 0:
@@ -83,13 +90,23 @@ class Session:
                 provenance.require_same(attributes["config"], config, path)
                 self._require_same_functions(groups, path)
                 self._state = self._last_state(groups)
-                return netcdf.Writer.reopen(path), rows
+                self._solves = int(groups[STATS]["solves"][1].sum())
+                return netcdf.Writer.reopen(path, self._plan.step_of(rows - 1)), rows
         return netcdf.Writer.create(path, self._schema, self._attributes), 0
 
     def _last_state(self, groups: Groups) -> tuple[np.ndarray, ...]:
         last = {name: groups[TRAJECTORY][name][1][-1] for name in ("position", "momentum", *self._plan.memory)}
         position, momentum, *memory = last.values()
         return (position, momentum, np.array(memory)) if memory else (position, momentum)
+
+    def _collect(self) -> Collector:
+        """Let a collector, which goes on where earlier sessions ended, have the stepper's subproblems."""
+        ends = {} if self._writer is None else self._writer.ends
+        kept = ends.get("problem", 0)
+        size = count_bytes(*(ends[name] for name in COUNTED)) if ends else 0
+        collector = Collector(self._plan.subproblems, kept, self._solves - kept, size)
+        self._stepper.collect(collector)
+        return collector
 
     def _require_same_functions(self, groups: Groups, path: Path) -> None:
         position, momentum = self._state
@@ -139,7 +156,7 @@ class Session:
         return f"{FAILED} in step {self._step + 1} (from time {begin:.9g}): {why}"
 
     def _finish(self, outcome: str) -> xr.DataTree:
-        self._recorder.flush()
+        self._recorder.flush(last=not outcome.startswith(INTERRUPTED))
         recorded = self._attributes if self._writer is None else self._writer.attributes
         closing: dict[str, Any] = {
             "backend_versions": provenance.backend_versions(self._stepper.backends, recorded["backend_versions"]),

@@ -13,7 +13,7 @@ from deli.kernels.program import EXPORT, PROGRAM, Export, Program
 from deli.kernels.record import Record
 from deli.kernels.solve import export
 from deli.subproblems.choices import NATIVE, SUBPROBLEMS, SolverChoice
-from deli.subproblems.rows import DENSE, Patterns, find_patterns
+from deli.subproblems.rows import DENSE, LARGEST_DENSE, Patterns, find_patterns
 from deli.subproblems.stats import StepStats
 from solvers import native
 from solvers.native_sparse import SparseProjection
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     Model = Callable[[np.ndarray, int, int, Patterns], cp.Problem]
 
-LARGEST_DENSE = 150  # rows beyond which a sparse solve is faster than a dense one
 MOST_ENTRIES = 4_000_000
 PATTERNS = 4  # compiled for sparse matrices and kept
 _ACCEPTED = 1e3  # an answer whose residual exceeds this many tolerances stops the run
@@ -103,14 +102,9 @@ class ProgramSolver:
             When no answer within a thousand tolerances was found.
         """
         program, free = self.program, rows - equalities
-        large = rows > LARGEST_DENSE and not newton
-        if large and self._natively(size, equalities, rows):
+        if rows > LARGEST_DENSE and not newton and self._natively(size, equalities, rows):
             return
-        if large and self._takes_sparse:
-            compiled, kept = self._hand_over_sparse(size, equalities, rows), np.arange(equalities)
-        else:
-            compiled, kept = self._hand_over(size, equalities, rows, newton)
-        np.negative(program.wish[:size], out=compiled.parameters["linear"])
+        compiled, kept = self.pose(size, equalities, rows, newton)
         solution = compiled.solve()
         self._account(solution, rows)
         program.z[:size] = solution.primal["velocity"]
@@ -121,6 +115,21 @@ class ProgramSolver:
         if kept.size:
             # cvxpy's multiplier of an equality has the opposite sign.
             program.y[kept] = -next(duals)
+
+    def pose(self, size: int, equalities: int, rows: int, newton: bool) -> "tuple[solvers.CompiledProblem, np.ndarray]":
+        """Write the data of the program at hand into its compiled problem; also return which equality rows that has.
+
+        Raises
+        ------
+        StepError
+            Where the matrix is dense and too large.
+        """
+        if rows > LARGEST_DENSE and not newton and self._takes_sparse:
+            compiled, kept = self._hand_over_sparse(size, equalities, rows), np.arange(equalities)
+        else:
+            compiled, kept = self._hand_over(size, equalities, rows, newton)
+        np.negative(self.program.wish[:size], out=compiled.parameters["linear"])
+        return compiled, kept
 
     def _hand_over(
         self, size: int, equalities: int, rows: int, newton: bool
@@ -183,6 +192,23 @@ class ProgramSolver:
         linear = self._skip and equalities == rows
         if not (linear or self._choice.backend in NATIVE):
             return False
+        began = time.perf_counter()
+        iterations, residuals, solve_time = self.project_sparse(size, equalities, rows)
+        if not max(residuals) <= self._choice.tolerance:
+            return False
+        if not linear:
+            overhead = time.perf_counter() - began - solve_time
+            self._stats.add_native(self._subproblem, iterations, rows, solve_time, overhead)
+            if self._measured:
+                self._stats.measure(self._subproblem, *residuals)
+            self.backends.add("native")
+        return True
+
+    def project_sparse(self, size: int, equalities: int, rows: int) -> tuple[int, tuple[float, float, float], float]:
+        """Write z and y of the program at hand, solved over sparse factors by the native active-set method.
+
+        Returns its iterations, the residuals, and the seconds that it took without them. The metric is the identity.
+        """
         program, began = self.program, time.perf_counter()
         entries = program.start[rows]
         matrix = sparse.csr_array(
@@ -194,16 +220,8 @@ class ProgramSolver:
         residuals = native.residuals(
             program.start[: rows + 1], program.column[:entries], program.value[:entries], bounds, equalities, wish, z, y
         )
-        if not max(residuals) <= self._choice.tolerance:
-            return False
         program.z[:size], program.y[:rows] = z, y
-        if not linear:
-            solve_time, overhead = solved - began, time.perf_counter() - solved
-            self._stats.add_native(self._subproblem, iterations, rows, solve_time, overhead)
-            if self._measured:
-                self._stats.measure(self._subproblem, *residuals)
-            self.backends.add("native")
-        return True
+        return iterations, residuals, solved - began
 
     def _try(self) -> None:
         """Solve a trivial problem, so that what a backend does not accept is refused before a run starts."""

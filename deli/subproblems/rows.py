@@ -14,6 +14,8 @@ Pattern = tuple[np.ndarray, np.ndarray] | None
 Patterns = tuple[Pattern, Pattern]
 """Of the inequality rows and of the bilateral ones."""
 
+LARGEST_DENSE = 150  # rows beyond which a sparse solve is faster than a dense one
+
 DENSE: Patterns = (None, None)
 
 

@@ -1,0 +1,31 @@
+"""One variable of a dataset."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+RAGGED = ("problem", "variable", "row", "entry", "metric_entry")
+"""Dimensions along which the numbers of subproblems stand, one subproblem after the other."""
+GROWING = ("time", "step", *RAGGED)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One recorded variable: name, dimensions, dtype and attributes."""
+
+    name: str
+    dims: tuple[str, ...]
+    dtype: str
+    units: str
+    long_name: str
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """Attributes as they stand in the file and in memory."""
+        return {"units": self.units, "long_name": self.long_name, **self.extra}
+
+    @property
+    def grows(self) -> bool:
+        """Whether rows are appended to the variable while the run goes on."""
+        return bool(self.dims) and self.dims[0] in GROWING

@@ -1,0 +1,1 @@
+"""Recorded subproblems, solved again by every backend."""

@@ -1,0 +1,175 @@
+"""Solve recorded subproblems again, with every backend."""
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import solvers
+from deli.errors import InputError
+from deli.kernels.build import ready
+from deli.recording import provenance
+from deli.recording.reading import read_subproblems
+from deli.replaying.contenders import STATUSES, Contender, Outcome, Reference
+from deli.running.progress import ProgressBar
+from deli.subproblems.choices import SUBPROBLEMS, SolverChoice, parse_choices
+from solvers import Status
+
+LIBRARY = Path(__file__).with_name("library.nc")
+"""Easy and hard problems from deli's scenes."""
+LIMIT = 1.0
+REPEAT = 5
+
+
+def replay(
+    path: str | os.PathLike[str] | None = None,
+    *,
+    backends: Iterable[str] | None = None,
+    tolerance: float = 1e-9,
+    polish: bool = True,
+    repeat: int = REPEAT,
+    limit: float = LIMIT,
+    progress: bool = False,
+) -> xr.Dataset:
+    """Solve the subproblems in a file with several backends, and verify every answer.
+
+    Parameters
+    ----------
+    path : path, optional
+        A run recorded with ``subproblems=True``; deli's own library if left out.
+    backends : iterable of str
+        Names as for `deli.simulate`; all that are installed if left out.
+    tolerance : float
+        Scaled KKT residual that counts as solved.
+    polish : bool
+        Polish answers, as runs do; False shows what the backends alone do.
+    repeat : int
+        Times that each problem is solved; times are medians.
+    limit : float
+        Seconds that a problem may take: one that takes longer counts as not solved, and is solved only once.
+    progress : bool
+        Show a bar on a terminal.
+
+    Returns
+    -------
+    xarray.Dataset
+        By ``problem``: its origin and sizes, ``reference_residual`` and ``recorded_error``. By ``problem`` and
+        ``backend``: ``claimed`` (the backend's word), ``verified`` (residuals within the tolerance, and in time),
+        ``status``, ``time`` and ``solver_time`` in seconds, ``iterations``, ``polished``, the three residuals, and
+        ``error``, the distance ``|z − z*|`` to a polished solution with residuals of rounding (1e-13, or the machine's
+        epsilon of the multipliers where these are large).
+
+    Raises
+    ------
+    InputError
+        If the file has no subproblems, or a backend is not known or not installed.
+    """
+    names = list(dict.fromkeys(solvers.available() if backends is None else backends))
+    choices = {name: _choice(name, tolerance, polish) for name in names}
+    if not names:
+        raise InputError("backends is empty; name at least one, or leave it out for all that are installed.")
+    if isinstance(repeat, bool) or not isinstance(repeat, int) or repeat < 1:
+        raise InputError(f"repeat is {repeat!r}; allowed: a whole number >= 1.")
+    if not (isinstance(limit, int | float) and limit > 0):
+        raise InputError(f"limit is {limit!r}; allowed: a number of seconds > 0.")
+    file = LIBRARY if path is None else Path(path)
+    problems, origins = read_subproblems(file)
+    ready()
+    reference, contenders = Reference(), [Contender(choice) for choice in choices.values()]
+    outcomes: list[list[Outcome]] = []
+    exact, recorded = np.full(len(problems), np.nan), np.full(len(problems), np.nan)
+    errors = np.full((len(problems), len(names)), np.nan)
+    with ProgressBar("replay", len(problems), 0, progress, "problems") as bar:
+        for number, posed in enumerate(problems):
+            outcomes.append([contender.solve(posed, repeat, limit) for contender in contenders])
+            solution, exact[number] = reference.solve(posed)
+            recorded[number] = np.linalg.norm(posed.z - solution)
+            errors[number] = [np.linalg.norm(outcome.z - solution) for outcome in outcomes[-1]]
+            if bar.active:
+                bar.update(number + 1)
+    kinds = np.array([posed.subproblem for posed in problems], dtype=np.int8)
+    sizes = {name: [getattr(posed, name) for posed in problems] for name in ("step", "solve", *_SIZES)}
+    return xr.Dataset(
+        {
+            "subproblem": ("problem", kinds, {"long_name": "which convex subproblem", **_flags(SUBPROBLEMS)}),
+            "origin": ("problem", np.array(origins), {"long_name": "where the problem comes from"}),
+            **{name: ("problem", values, {"units": "1", **_SAID[name]}) for name, values in sizes.items()},
+            "reference_residual": ("problem", exact, _said("largest residual of the reference solution; nan: none")),
+            "recorded_error": ("problem", recorded, _said("distance of the recorded answer to the reference")),
+            **{name: (("problem", "backend"), *column) for name, column in _columns(outcomes, limit).items()},
+            "error": (("problem", "backend"), errors, _said("distance of the answer to the reference solution")),
+        },
+        coords={"problem": np.arange(len(problems)), "backend": names},
+        attrs=_attributes(file, names, tolerance, polish, repeat, limit),
+    )
+
+
+_SIZES = ("variables", "rows", "equalities")
+
+
+def _said(long_name: str, units: str = "1") -> dict[str, Any]:
+    return {"units": units, "long_name": long_name}
+
+
+_SAID = {
+    "step": _said("integration steps taken before the one that posed the problem"),
+    "solve": _said("number among the solves of the same subproblem in the step"),
+    "variables": _said("variables of the problem"),
+    "rows": _said("rows of the problem"),
+    "equalities": _said("rows that are equations"),
+}
+
+
+def _flags(meanings: Iterable[str]) -> dict[str, Any]:
+    names = list(meanings)
+    return {"flag_values": np.arange(len(names), dtype=np.int8), "flag_meanings": " ".join(names)}
+
+
+def _columns(outcomes: list[list[Outcome]], limit: float) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+    """Values by problem and backend, with their attributes."""
+
+    def table(value: Any, dtype: Any = float) -> np.ndarray:
+        return np.array([[value(outcome) for outcome in row] for row in outcomes], dtype=dtype)
+
+    residuals = ("primal_residual", "dual_residual", "complementarity")
+    verified = table(lambda outcome: outcome.status == Status.SOLVED and outcome.time <= limit, bool)
+    columns = {
+        "claimed": (table(lambda outcome: outcome.claimed, bool), _said("the backend says that it solved the problem")),
+        "verified": (verified, _said("recomputed residuals are within the tolerance, and the time within the limit")),
+        "status": (
+            table(lambda outcome: STATUSES.index(outcome.status), np.int8),
+            {"long_name": "verdict on the answer", **_flags(STATUSES)},
+        ),
+        "time": (table(lambda outcome: outcome.time), _said("median time from data to checked answer", "s")),
+        "solver_time": (table(lambda outcome: outcome.solver_time), _said("of it in the backend", "s")),
+        "iterations": (table(lambda outcome: outcome.iterations, int), _said("iterations, as the backend counts them")),
+        "polished": (table(lambda outcome: outcome.polished, bool), _said("the polish replaced the backend's answer")),
+    }
+    for place, name in enumerate(residuals):
+        columns[name] = (table(lambda outcome, k=place: outcome.residuals[k]), _said("scaled, recomputed"))
+    return columns
+
+
+def _choice(name: str, tolerance: float, polish: bool) -> SolverChoice:
+    return parse_choices({"backend": name, "tolerance": tolerance, "polish": polish})["position"]
+
+
+def _attributes(
+    file: Path, names: list[str], tolerance: float, polish: bool, repeat: int, limit: float
+) -> dict[str, Any]:
+    single = [member for name in names for member in solvers.members(name)]
+    return {
+        "title": f"subproblems of {file.name} solved again",
+        "file": str(file),
+        "tolerance": tolerance,
+        "polish": int(polish),
+        "repeat": repeat,
+        "limit": float(limit),
+        "deli_version": provenance.version("deli"),
+        "backend_versions": provenance.backend_versions(single),
+        "machine": provenance.machine(),
+        "date": provenance.now(),
+    }

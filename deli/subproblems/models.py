@@ -1,0 +1,10 @@
+"""The cvxpy models of all subproblems, by number and by whether the metric is a parameter."""
+
+from deli.subproblems import position, projection, reflection
+
+MODELS = (
+    (reflection.model, reflection.numerical_model),
+    (position.model, position.newton_model),
+    (projection.model, projection.model),
+)
+"""In the order of `deli.subproblems.choices.SUBPROBLEMS`."""

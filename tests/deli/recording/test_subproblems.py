@@ -1,0 +1,337 @@
+"""Subproblems recorded with a run: what they hold, how many there are, and that they change nothing."""
+
+import cvxpy as cp
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+from running import assert_same, call, refused
+
+import deli
+import solvers
+from deli.recording import netcdf
+from deli.recording.reading import read_subproblems
+from solvers import Answer, Backend, Status
+
+MIXED, CLOSED_LOOP = {"start": "mixed"}, deli.GVI(predictor="closed_loop")
+RUNS = {
+    "cradle": (deli.scenes.newtons_cradle, {}, deli.GVI(), 0.02, 80, {}),
+    "cradle_no_skip": (deli.scenes.newtons_cradle, {"balls": 3}, deli.GVI(), 0.02, 60, {"skip": False}),
+    "newton_metric": (deli.scenes.spring_sphere, MIXED, deli.GVI(), 0.5, 40, {"solvers": "daqp"}),
+    "numerical": (deli.scenes.spring_sphere, MIXED, deli.GVI(energy="numerical"), 0.25, 60, {"skip": False}),
+    "closed_loop": (
+        deli.scenes.newtons_cradle,
+        {},
+        deli.GVI(predictor="closed_loop"),
+        0.02,
+        60,
+        {"solvers": "clarabel"},
+    ),
+    "searched": (deli.scenes.disc_pile, {"rows": 3, "columns": 3}, deli.GVI(), 0.02, 10, {}),
+    "gas": (deli.scenes.hard_sphere_gas, {"spheres": 30, "filled": 0.3}, deli.GVI(), 0.05, 150, {"skip": False}),
+    "direct": (deli.scenes.nonlinear_oscillator, {}, deli.Direct(), 0.05, 40, {}),
+}
+RUN = pytest.mark.parametrize("name", RUNS)
+
+
+def simulate(name, steps=None, **keywords):
+    build, parameters, method, step_size, usual, settings = RUNS[name]
+    return deli.simulate(
+        build(**parameters), method, step_size=step_size, steps=steps or usual, **{**settings, **keywords}
+    )
+
+
+def posed(run):
+    return run["subproblems"].to_dataset()
+
+
+def problems(run):
+    """Numbers of each problem, by hand from the ragged arrays: A, wish, R, b, z, y, and how many rows are equations."""
+    data = posed(run)
+    ends = {name: 0 for name in ("variable", "row", "entry", "metric_entry")}
+    for number in range(data.sizes["problem"]):
+        one = data.isel(problem=number)
+        sizes = dict(zip(ends, (int(one[c]) for c in ("variables", "rows", "entries", "metric_entries")), strict=True))
+        part = {name: slice(end, end + sizes[name]) for name, end in ends.items()}
+        n, m = sizes["variable"], sizes["row"]
+        matrix = np.zeros((m, n))
+        places = np.repeat(np.arange(m), data["row_entries"].values[part["row"]])
+        matrix[places, data["column"].values[part["entry"]]] = data["value"].values[part["entry"]]
+        metric = np.eye(n)
+        if sizes["metric_entry"]:
+            upper = np.zeros((n, n))
+            upper[np.triu_indices(n)] = data["metric"].values[part["metric_entry"]]
+            metric = upper + np.triu(upper, 1).T
+        vectors = (data[name].values[part["variable"]] for name in ("linear", "velocity"))
+        rows = (data[name].values[part["row"]] for name in ("bounds", "multiplier", "active"))
+        yield metric, matrix, *vectors, *rows, int(one["equalities"]), one
+        ends = {name: end + sizes[name] for name, end in ends.items()}
+
+
+@RUN
+def test_every_solve_is_there_once_with_its_rows(name):
+    run = simulate(name, subproblems=True)
+    stats, data = run["solver_stats"].to_dataset(), posed(run)
+    assert run.attrs["outcome"] == "complete"
+    assert data.sizes["problem"] > 0
+    assert data["left_out"] == 0
+    counted, rows = np.zeros((2, stats.sizes["step"], 3), dtype=int)
+    np.add.at(counted, (data["step"].values, data["subproblem"].values), 1)
+    np.add.at(rows, (data["step"].values, data["subproblem"].values), data["rows"].values)
+    np.testing.assert_array_equal(counted, stats["solves"].values)
+    np.testing.assert_array_equal(rows, stats["rows"].values)
+    order = data[["step", "subproblem", "solve"]].to_dataframe()
+    assert not order.duplicated().any()
+    assert (order["solve"] < counted[data["step"].values, data["subproblem"].values]).all()
+
+
+@RUN
+def test_the_recorded_answer_solves_the_recorded_problem(name):
+    run = simulate(name, subproblems=True)
+    for metric, matrix, linear, z, bounds, y, active, equalities, one in problems(run):
+        slack = matrix @ z - bounds
+        size = 1.0 + np.abs(np.concatenate((bounds, y, linear))).max(initial=0.0)
+        assert np.abs(metric @ z + linear - matrix.T @ y).max(initial=0.0) < 1e-12 * size
+        assert np.abs(slack[:equalities]).max(initial=0.0) < 1e-12 * size
+        assert slack[equalities:].min(initial=0.0) > -1e-12 * size
+        assert y[equalities:].min(initial=0.0) >= -1e-12 * size
+        assert np.abs(slack * y).max(initial=0.0) < 1e-12 * size
+        assert active[:equalities].all()
+        assert (np.abs(y[active == 0]) <= np.maximum(slack[active == 0], 1e-14)).all()
+        residuals = [float(one[name]) for name in ("primal_residual", "dual_residual", "complementarity")]
+        assert max(residuals) < 1e-12
+        np.testing.assert_allclose(np.linalg.norm(matrix, axis=1), 1.0, rtol=0, atol=1e-12)
+
+
+@RUN
+def test_recording_subproblems_changes_no_bit_of_a_run(name):
+    plain, recorded = simulate(name), simulate(name, subproblems=True)
+    assert_same(plain, recorded)
+    assert "subproblems" not in plain
+
+
+def test_a_file_holds_what_memory_does_however_rows_are_thinned(tmp_path):
+    run = simulate("cradle", subproblems=True)
+    path = tmp_path / "run.nc"
+    xr.testing.assert_identical(posed(simulate("cradle", every=7, output=path, subproblems=True)), posed(run))
+    xr.testing.assert_identical(posed(deli.open_run(path)), posed(run))
+    assert xr.open_datatree(path)["subproblems"].sizes["problem"] == posed(run).sizes["problem"]
+
+
+@pytest.mark.parametrize("every", [1, 7])
+@pytest.mark.parametrize("most", [True, 50])
+def test_a_resumed_run_has_each_subproblem_once(tmp_path, at_step, every, most):
+    path, keywords = tmp_path / "run.nc", {"every": every, "subproblems": most}
+    full = simulate("cradle", **keywords)
+
+    def stop(take):
+        raise KeyboardInterrupt
+
+    for number in (30, 25):
+        at_step(number, stop)
+        with pytest.raises(deli.Interrupted):
+            simulate("cradle", output=path, resume=True, **keywords)
+    at_step.restore()
+    partial = posed(deli.open_run(f"{path}.partial"))
+    assert 0 < partial.sizes["problem"] <= posed(full).sizes["problem"]
+    resumed = simulate("cradle", output=path, resume=True, **keywords)
+    assert_same(resumed, full)
+    xr.testing.assert_identical(posed(resumed), posed(full))
+
+
+@pytest.mark.parametrize("lost", [1, 13])
+def test_a_kill_between_the_two_counters_doubles_nothing(tmp_path, at_step, lost):
+    path = tmp_path / "run.nc"
+    full = simulate("cradle", subproblems=True)
+
+    def stop(take):
+        raise KeyboardInterrupt
+
+    at_step(60, stop)
+    with pytest.raises(deli.Interrupted):
+        simulate("cradle", output=path, subproblems=True)
+    at_step.restore()
+    with netCDF4.Dataset(f"{path}.partial", "a") as dataset:
+        dataset[netcdf.COMMITTED][...] = int(dataset[netcdf.COMMITTED][...]) - lost
+    resumed = simulate("cradle", output=path, resume=True, subproblems=True)
+    xr.testing.assert_identical(posed(resumed), posed(full))
+
+
+def test_another_limit_is_another_configuration(tmp_path, at_step):
+    path = tmp_path / "run.nc"
+
+    def stop(take):
+        raise KeyboardInterrupt
+
+    at_step(5, stop)
+    with pytest.raises(deli.Interrupted):
+        simulate("cradle", output=path, subproblems=True)
+    at_step.restore()
+    with pytest.raises(deli.InputError, match=r"record\.subproblems is 10000 there and 'absent' now"):
+        simulate("cradle", output=path, resume=True)
+
+
+def test_a_limit_keeps_the_first_and_says_how_many_it_left_out():
+    full, some = posed(simulate("cradle", subproblems=True)), posed(simulate("cradle", subproblems=20))
+    assert some.sizes["problem"] == 20
+    assert some["left_out"] == full.sizes["problem"] - 20
+    for variable in ("subproblem", "step", "solve", "rows"):
+        np.testing.assert_array_equal(some[variable], full[variable][:20])
+    np.testing.assert_array_equal(some["velocity"], full["velocity"][: some.sizes["variable"]])
+
+
+def test_size_is_limited_too_and_a_resumed_run_knows(monkeypatch, tmp_path, at_step):
+    monkeypatch.setattr("deli.subproblems.collector.MOST_BYTES", 20_000)
+    path, full = tmp_path / "run.nc", simulate("cradle", subproblems=True)
+    arrays = [
+        v for v in posed(full).data_vars.values() if v.dims and v.dims != ("problem",) and v.name != "row_entries"
+    ]
+    size = sum(array.nbytes for array in arrays) + 8 * posed(full).sizes["row"]
+    assert 20_000 <= size < 25_000
+    assert posed(full)["left_out"] > 0
+
+    def stop(take):
+        raise KeyboardInterrupt
+
+    at_step(15, stop)
+    with pytest.raises(deli.Interrupted):
+        simulate("cradle", output=path, subproblems=True)
+    at_step.restore()
+    assert posed(deli.open_run(f"{path}.partial"))["left_out"] == 0
+    resumed = simulate("cradle", output=path, resume=True, subproblems=True)
+    xr.testing.assert_identical(posed(resumed), posed(full))
+
+
+@pytest.fixture
+def giving_up():
+    """A backend that answers nothing after its tenth solve."""
+
+    class GivingUp(Backend):
+        name = "giving_up"
+        solved = 0
+
+        def __init__(self, program, tolerance, options):
+            self.inner = solvers.registry.factory("daqp")(program, tolerance, options)
+
+        def update(self):
+            self.inner.update()
+
+        def solve(self):
+            answer = self.inner.solve()
+            GivingUp.solved += 1
+            if GivingUp.solved <= 10:
+                return answer
+            return Answer(answer.x * np.nan, answer.y * np.nan, Status.FAILED, 0, "I give up")
+
+    solvers.register("giving_up", GivingUp)
+    yield
+    solvers.unregister("giving_up")
+
+
+@pytest.mark.parametrize("every", [1, 1000])
+@pytest.mark.parametrize("kept", ["memory", "file"])
+def test_the_problem_that_stopped_a_run_is_kept(tmp_path, giving_up, every, kept):
+    output = tmp_path / "run.nc" if kept == "file" else None
+    run = simulate("cradle", solvers="giving_up", every=every, subproblems=True, output=output)
+    assert run.attrs["outcome"].startswith("failed in step")
+    data = posed(run)
+    assert data.sizes["problem"] == 11
+    step = int(run.attrs["outcome"].split("failed in step ")[1].split(" ")[0])
+    assert data["step"][-1] == step - 1
+    assert np.isnan(data["velocity"][-int(data["variables"][-1]) :]).all()
+    assert np.isnan(data["primal_residual"][-1])
+    assert np.isfinite(data["primal_residual"][:-1]).all()
+
+
+@RUN
+def test_a_loaded_problem_is_the_model_with_its_numbers_and_answer(name, tmp_path):
+    path = tmp_path / "run.nc"
+    run = simulate(name, subproblems=True, output=path)
+    known = list(problems(run))
+    last = len(known) - 1
+    kinds = {(int(one[-1]["subproblem"]), int(one[-1]["metric_entries"]) > 0): k for k, one in enumerate(known)}
+    for index in {0, last, *kinds.values()}:
+        _, matrix, linear, z, bounds, y, _, equalities, _ = known[index]
+        problem = deli.load_subproblem(path, index)
+        assert problem.is_dcp()
+        (velocity,) = problem.variables()
+        np.testing.assert_array_equal(velocity.value, z)
+        values = {parameter.name(): parameter.value for parameter in problem.parameters()}
+        np.testing.assert_array_equal(values["linear"], linear)
+        if equalities < len(bounds):
+            np.testing.assert_array_equal(values["gradients"], matrix[equalities:])
+            np.testing.assert_array_equal(values["bounds"], bounds[equalities:])
+        duals = [constraint.dual_value for constraint in problem.constraints]
+        expected = ([y[equalities:]] if equalities < len(bounds) else []) + ([-y[:equalities]] if equalities else [])
+        assert len(duals) == len(expected)
+        assert all(map(np.array_equal, duals, expected))
+        problem.solve(solver=cp.CLARABEL)
+        np.testing.assert_allclose(velocity.value, z, rtol=0, atol=1e-4)
+    problem = deli.load_subproblem(path, -1)
+    np.testing.assert_array_equal(problem.variables()[0].value, known[last][3])
+
+
+def test_a_large_problem_is_loaded_sparse(tmp_path):
+    path = tmp_path / "run.nc"
+    scene = deli.scenes.disc_pile(rows=8, columns=8)
+    deli.simulate(scene, deli.GVI(), step_size=0.01, steps=1, subproblems=1, output=path)
+    (posed_one,), _ = read_subproblems(path)
+    problem = deli.load_subproblem(path, 0)
+    (gradients,) = (parameter for parameter in problem.parameters() if parameter.name() == "gradients")
+    assert gradients.attributes["sparsity"]
+    assert abs(gradients.value_sparse - posed_one.matrix).max() == 0.0
+    np.testing.assert_array_equal(problem.variables()[0].value, posed_one.z)
+
+
+@pytest.mark.parametrize("index", [100_000, -100_000, 1.5, True, "0"])
+def test_an_index_that_is_none_is_refused(tmp_path, index):
+    path = tmp_path / "run.nc"
+    simulate("cradle", subproblems=5, output=path)
+    with pytest.raises(deli.InputError, match="holds subproblems 0 to 4"):
+        deli.load_subproblem(path, index)
+
+
+def test_files_without_subproblems_say_how_to_record_them(tmp_path):
+    plain, free = tmp_path / "plain.nc", tmp_path / "free.nc"
+    simulate("cradle", steps=2, output=plain)
+    with pytest.raises(deli.InputError, match=r"record\.subproblems = true"):
+        deli.load_subproblem(plain, 0)
+    flying = deli.scenes.point_mass(position=1e6)
+    deli.simulate(flying, deli.GVI(), step_size=0.1, steps=2, output=free, subproblems=True)
+    with pytest.raises(deli.InputError, match="skip = false"):
+        deli.load_subproblem(free, 0)
+
+
+@pytest.mark.parametrize("value", [0, -1, 1.5, "yes", None])
+def test_a_wrong_number_is_refused(value):
+    with pytest.raises(deli.InputError, match="subproblems is"):
+        simulate("cradle", steps=1, subproblems=value)
+
+
+@pytest.mark.parametrize("value", ["0", "-1", "1.5", '"yes"'])
+def test_a_config_with_a_wrong_number_is_refused(folder, value):
+    result = call("run", "point_mass", "--set", f"record.subproblems={value}")
+    refused(result, "record.subproblems is", "true, false")
+
+
+def test_a_config_records_checks_and_runs_again(folder):
+    settings = ["--set", "record.subproblems=12", "--set", "skip=false", "--set", "steps=20"]
+    result = call("run", "newtons_cradle", *settings, "-o", "one.nc")
+    assert result.exit_code == 0, result.output
+    assert "with 12 subproblems (" in result.stdout
+    run = deli.open_run("one.nc")
+    (folder / "again.toml").write_text(run.attrs["config"])
+    assert call("run", "again.toml", "-o", "two.nc").exit_code == 0
+    xr.testing.assert_identical(posed(deli.open_run("two.nc")), posed(run))
+    checked = call("check", "one.nc")
+    assert checked.exit_code == 0, checked.output
+    assert "12 kept" in checked.stdout
+
+
+def test_a_falsified_answer_is_found_out(folder):
+    simulate("cradle", steps=20, subproblems=True, output="run.nc")
+    with netCDF4.Dataset("run.nc", "a") as dataset:
+        dataset["subproblems"]["velocity"][3] += 1e-6
+    result = call("check", "run.nc")
+    assert result.exit_code == 2
+    assert "subproblems" in result.stderr
