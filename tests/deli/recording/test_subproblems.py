@@ -29,6 +29,7 @@ RUNS = {
     ),
     "searched": (deli.scenes.disc_pile, {"rows": 3, "columns": 3}, deli.GVI(), 0.02, 10, {}),
     "gas": (deli.scenes.hard_sphere_gas, {"spheres": 30, "filled": 0.3}, deli.GVI(), 0.05, 150, {"skip": False}),
+    "memory": (deli.scenes.newtons_cradle, {}, deli.NonsmoothAlpha(), 0.02, 40, {}),
     "direct": (deli.scenes.nonlinear_oscillator, {}, deli.Direct(), 0.05, 40, {}),
 }
 RUN = pytest.mark.parametrize("name", RUNS)
