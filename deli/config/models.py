@@ -54,6 +54,14 @@ class SolversTable(Table):
     projection: SolverTable | None = None
 
 
+class PerturbationTable(Table):
+    """Normal noise on a scene's initial state: the seed, and a standard deviation for every coordinate."""
+
+    seed: int = Field(default=0, ge=0)
+    position: float = Field(default=0.0, ge=0)
+    momentum: float = Field(default=0.0, ge=0)
+
+
 class RecordTable(Table):
     """How often rows are recorded, and the file they go to (relative to the current directory)."""
 
@@ -86,7 +94,8 @@ def scene_model(build: Callable[..., Any]) -> type[Table]:
         key: (hints[key] if hints[key] in PLAIN_TYPES else Numbers, parameter.default)
         for key, parameter in inspect.signature(function).parameters.items()
     }
-    return create_model("Scene", __base__=Table, name=(str, ...), **fields)
+    perturbed: Any = (PerturbationTable | None, None)
+    return create_model("Scene", __base__=Table, name=(str, ...), **{**fields, "perturbation": perturbed})
 
 
 def method_model(method: type[Any]) -> type[Table]:
