@@ -2,6 +2,7 @@
 
 import dataclasses
 import difflib
+import functools
 import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -81,11 +82,13 @@ class RunTable(Table):
     record: RecordTable = Field(default_factory=RecordTable)
 
 
+@functools.cache
 def config_model(scene: type[Table], method: type[Table]) -> type[Table]:
     """Return the model of a config, from those of its scene's and its method's tables."""
     return create_model("Config", __base__=RunTable, scene=(scene, ...), method=(method, ...))
 
 
+@functools.cache
 def scene_model(build: Callable[..., Any]) -> type[Table]:
     """Return the model of a scene's table, from the signature of the function that builds it."""
     function = inspect.unwrap(build)
@@ -98,6 +101,7 @@ def scene_model(build: Callable[..., Any]) -> type[Table]:
     return create_model("Scene", __base__=Table, name=(str, ...), **{**fields, "perturbation": perturbed})
 
 
+@functools.cache
 def method_model(method: type[Any]) -> type[Table]:
     """Return the model of a method's table, from the fields of its class."""
     hints, choices = get_type_hints(method), choices_of(method)
