@@ -1,6 +1,7 @@
 """Run a method on a scene and record it; open what was recorded."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -107,8 +108,8 @@ def open_run(path: str | os.PathLike[str]) -> xr.DataTree:
     return build_tree(groups, attributes)
 
 
-def run_plan(plan: Plan, progress: bool = False) -> xr.DataTree:
-    """Carry out a checked plan, see `simulate`."""
+def run_plan(plan: Plan, progress: bool | Callable[[int], None] = False) -> xr.DataTree:
+    """Carry out a checked plan, see `simulate`; `progress` may also be called with the number of steps now and then."""
     config = plan.config()
     if plan.resume and plan.output is not None and plan.output.exists():
         run = open_run(plan.output)

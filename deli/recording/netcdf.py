@@ -30,6 +30,10 @@ class RecordingError(DeliError):
     """Rows could not be written: a full disk, a vanished folder."""
 
 
+class Busy(InputError):
+    """Another process is writing the file."""
+
+
 def being_written(path: Path) -> bool:
     """Whether this process is writing the file; other processes are kept out by the library's lock on it."""
     return path.resolve() in _writers
@@ -62,7 +66,7 @@ class Writer:
                     netCDF4.Dataset(path, "w").close()  # fails where another process holds the lock
                 dataset = netCDF4.Dataset(fresh, "w", format="NETCDF4")
             except OSError as error:
-                raise InputError(f"{path} cannot be written ({error}); is another run writing it?") from error
+                raise Busy(f"{path} cannot be written ({error}); is another run writing it?") from error
             _lay_out(dataset, schema, attributes)
             dataset.close()
             os.replace(fresh, path)
@@ -76,7 +80,7 @@ class Writer:
             try:
                 dataset = netCDF4.Dataset(path, "a")
             except OSError as error:
-                raise InputError(f"{path} cannot be continued ({error}); is another run writing it?") from error
+                raise Busy(f"{path} cannot be continued ({error}); is another run writing it?") from error
             return cls(path, dataset, int(dataset[COMMITTED][...]), float(dataset[WALL_TIME][...]))
 
     @property
