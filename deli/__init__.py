@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from deli.reflect import reflect
     from deli.running.interrupts import Interrupted
     from deli.simulation import open_run, simulate
+    from deli.studies.opening import open_study
 
 __version__ = "0.1.0"
 
@@ -55,6 +56,7 @@ __all__ = [
     "impacts",
     "metrics",
     "open_run",
+    "open_study",
     "plotting",
     "reflect",
     "scenes",
@@ -85,6 +87,7 @@ _HOME = {
     "SpheresOutside": "deli.mechanics.distances",
     "Springs": "deli.mechanics.pair_potentials",
     "open_run": "deli.simulation",
+    "open_study": "deli.studies.opening",
     "reflect": "deli.reflect",
     "simulate": "deli.simulation",
     "simulate_ensemble": "deli.ensemble",

@@ -10,6 +10,7 @@ from deli.commands.figures import figures
 from deli.commands.listing import backends, methods, scenes
 from deli.commands.plot import plot
 from deli.commands.run import run
+from deli.commands.study import study
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -18,7 +19,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (run, plot, figures, check, scenes, methods, backends, bench):
+for command in (run, study, plot, figures, check, scenes, methods, backends, bench):
     app.command()(command)
 
 

@@ -66,12 +66,15 @@ class Result:
         Runs by state.
     runs : dict
         Records by digest.
+    titles : dict
+        What the runs are called, by digest.
     stopped : str or None
         The signal that interrupted it.
     """
 
     states: "Counter[str]"
     runs: dict[str, dict[str, Any]]
+    titles: dict[str, str]
     stopped: str | None
 
 
@@ -141,7 +144,8 @@ def run_study(
             scheduler.close()
             manifest.write()
     states = Counter(record["state"] for record in manifest.runs.values())
-    return Result(states, manifest.runs, stop.reason)
+    titles = {digest: case.title for digest, case in study.runs.items()}
+    return Result(states, manifest.runs, titles, stop.reason)
 
 
 class _Conductor:
