@@ -52,29 +52,32 @@ def study(
 
     A study file:
 
-        base = "pogo.toml"                         # or a config as a table [base]
+        base = "pogo.toml"              # or a table [base]
 
-        [axes]                                     # all combinations are run
-        "solvers.default" = ["daqp", "clarabel", { backend = "osqp", tolerance = 1e-6, label = "loose" }]
+        [axes]                          # all combinations
+        "solvers.default" = [
+            "daqp",
+            { backend = "osqp", tolerance = 1e-6, label = "loose" },
+        ]
         step_size = [0.2, 0.1, 0.05]
-        "scene.perturbation.seed" = { count = 10 } # 0, 1, ... 9
+        scene.perturbation.seed = { count = 10 }  # 0, 1, ... 9
 
-        [[zip]]                                    # keys that vary together, along one dimension
+        [[zip]]                         # keys that vary together
         name = "length"
-        values = { duration = [10.0, 100.0], "record.every" = [1, 10] }
+        values = { duration = [1.0, 9.0], record.every = [1, 9] }
 
-        [[cases]]                                  # changes by hand, along the dimension "case"
+        [[cases]]                       # by hand: dimension "case"
         label = "soft"
         scene.stiffness = 1.0
 
-        [[exclude]]                                # what matches is left out
+        [[exclude]]                     # what matches is left out
         solver = "loose"
         step_size = [0.1, 0.05]
 
-        [reference]                                # what trajectories are compared with; or exact = true
-        step_size = 1e-4
+        [reference]                     # for trajectory_error;
+        step_size = 1e-4                # or exact = true
 
-        [limits]                                   # of one case
+        [limits]                        # of one case
         time = 60.0
         memory = "2 GB"
 

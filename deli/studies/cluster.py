@@ -75,7 +75,7 @@ class Cluster:
         self.events.put(("ended", digest, ended))
 
 
-class _Crew(WorkerPlugin):  # type: ignore[misc]
+class _Crew(WorkerPlugin):
     """The supervisors of one Dask worker: one a thread, kept from case to case."""
 
     def __init__(self, limits: LimitsTable) -> None:
@@ -115,5 +115,11 @@ def _carry_out(order: Order, topic: str) -> dict[str, Any]:
 
     if stopped():
         return {"state": WAITING}
+
+    def report(step: int) -> None:
+        worker.log_event(topic, ("step", order.digest, step))
+
+    crew: Any = worker.plugins[topic]
     worker.log_event(topic, ("started", order.digest, None))
-    return worker.plugins[topic].run(order, lambda step: worker.log_event(topic, ("step", order.digest, step)), stopped)
+    ended: dict[str, Any] = crew.run(order, report, stopped)
+    return ended

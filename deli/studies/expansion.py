@@ -46,7 +46,7 @@ class Case:
     @property
     def title(self) -> str:
         """Its place in words."""
-        return title_of(self.labels)
+        return title_of(self.labels) if self.labels else f"reference {self.digest}"
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Study:
 
 def title_of(labels: Mapping[str, Label]) -> str:
     """Say where a case stands."""
-    return ", ".join(f"{name} = {label}" for name, label in labels.items()) or "of reference"
+    return ", ".join(f"{name} = {label}" for name, label in labels.items())
 
 
 def load(path: Path) -> Study:
@@ -184,15 +184,19 @@ def _changed(settings: dict[str, Any], changes: Mapping[str, Any], labels: Mappi
         for key in sorted(changes, key=lambda key: key.count(".")):  # whole tables before their keys
             assign(settings, key, changes[key])
     except InputError as error:
-        raise InputError(f"case {title_of(labels)}: {error}") from error
+        raise InputError(f"{_place(labels)}: {error}") from error
     return settings
+
+
+def _place(labels: Mapping[str, Label]) -> str:
+    return f"case {title_of(labels)}" if labels else "reference"
 
 
 def _case(settings: Mapping[str, Any], labels: Mapping[str, Label]) -> Case:
     try:
         complete = config.parse(settings).plan().config()
     except InputError as error:
-        raise InputError(f"case {title_of(labels)}: {error}") from error
+        raise InputError(f"{_place(labels)}: {error}") from error
     return Case(labels, complete, digest_of(complete))
 
 
