@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 from deli.config.models import Table, refuse_nan, say
 from deli.errors import InputError
 
-AXIS_KEYS = {"values", "count", "name"}
+AXIS_KEYS = {"values", "count"}
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$")]
 
 
