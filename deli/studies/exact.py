@@ -4,12 +4,11 @@ import numpy as np
 import xarray as xr
 
 from deli.errors import InputError
-from deli.figures.exact import bouncing_ball
 from deli.recording.provenance import scene_of
 from deli.recording.schema import TRAJECTORY, dataset_of
 
-BY_SCENE = {"point_mass": bouncing_ball}
-"""Positions over time, shape (time, dof), by the scene's name."""
+BY_SCENE = {"point_mass": "bouncing_ball"}
+"""Names of closed forms in `deli.figures.exact`, by the scene's."""
 
 
 def require_exact(scene: str) -> None:
@@ -29,10 +28,12 @@ def require_exact(scene: str) -> None:
 
 def exact_run(run: xr.DataTree) -> xr.DataTree:
     """Return the closed form at a run's times, as far as `deli.metrics.measure` reads a reference."""
+    from deli.figures.exact import SOLUTIONS  # with it comes matplotlib, which no worker needs
+
     scene = scene_of(run)
     if scene is None:
         raise InputError("the run's scene is a user's own, and no closed form is known.")
     time = dataset_of(run, TRAJECTORY)["time"].values
-    position = np.asarray(BY_SCENE[scene.name](scene, time))
+    position = np.asarray(SOLUTIONS[BY_SCENE[scene.name]](scene, time))
     trajectory = xr.Dataset({"position": (("time", "dof"), position)}, coords={"time": time})
     return xr.DataTree.from_dict({f"/{TRAJECTORY}": trajectory})

@@ -114,16 +114,14 @@ def test_zips_and_cases_are_dimensions_of_their_own(tmp_path):
 
 
 def test_a_reference_keeps_what_it_does_not_change(tmp_path):
-    found = study(
-        tmp_path, axes={"step_size": [0.01, 0.02], "scene.mass": [1.0, 2.0]}, reference={"step_size": 0.001}
-    )
+    found = study(tmp_path, axes={"step_size": [0.01, 0.02], "scene.mass": [1.0, 2.0]}, reference={"step_size": 0.001})
     assert len(found.references) == 4
     assert len({reference.digest for reference in found.references.values()}) == 4  # 20 steps end at two times
     for case in found.cases:
         reference = found.references[case.digest].config
         assert reference["scene"] == case.config["scene"]
         assert reference["steps"] * 0.001 == pytest.approx(20 * case.config["step_size"])
-    assert list(found.runs)[0] == next(iter(found.references.values())).digest
+    assert next(iter(found.runs)) == next(iter(found.references.values())).digest
 
 
 def test_the_base_is_relative_to_the_study(folder):
