@@ -225,8 +225,8 @@ def _toml(table):
 
 
 def test_references_run_first_and_are_no_cases(folder):
-    base = {"scene": "nonlinear_oscillator", "step_size": 0.1, "duration": 2.0}
-    table = {"base": base, "axes": {"step_size": [0.05, 0.1]}, "reference": {"step_size": 0.005}}
+    base = {"scene": "newtons_cradle", "step_size": 0.1, "duration": 0.2}
+    table = {"base": base, "axes": {"step_size": [0.01, 0.02]}, "reference": {"step_size": 0.001}}
     watch = Watch()
     result = run(folder, table, workers=2, watcher=watch)
     assert result.states == {"done": 3}
