@@ -18,7 +18,7 @@ SHORT_NAMES = {
     "scene.name": "scene",
     "method.name": "method",
 }
-RESERVED = {"outcome", "reason", "file", "label", "name", "value"}
+RESERVED = {"state", "outcome", "note", "file", "label"}
 
 Label = str | int | float | bool
 

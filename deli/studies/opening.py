@@ -12,6 +12,7 @@ import xarray as xr
 from deli.errors import InputError
 from deli.metrics import METRICS
 from deli.recording.paths import partial_path
+from deli.running.session import COMPLETE
 from deli.simulation import open_run
 from deli.studies.axes import derived_name
 from deli.studies.layout import run_path
@@ -33,9 +34,10 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        On the study's axes: the metrics of `deli.metrics.measure`, nan where a case did not finish; `outcome`, which is
+        On the study's axes: the metrics of `deli.metrics.measure`, nan where a case did not finish; `state`, which is
         ``done``, ``failed``, ``timed out``, ``out of memory``, ``killed``, ``interrupted``, ``running``, ``waiting`` or
-        ``excluded``; `reason`, and `file`. Runs themselves are read when they are asked for:
+        ``excluded``; `outcome`, which is ``complete``, empty where the study excludes a case, and else says what
+        happened; `note`, why a case was not compared with its reference; `file`. Runs are read when asked for:
         ``study.deli.run(solver="daqp", step_size=0.1)`` is what `open_run` makes of one's file.
 
     Raises
@@ -51,8 +53,8 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
     names = [dimension["name"] for dimension in dimensions]
     shape = [len(dimension["positions"]) for dimension in dimensions]
     values = {name: np.full(shape, np.nan) for name in METRICS}
-    words = {name: np.full(shape, "", dtype=object) for name in ("outcome", "reason", "file")}
-    words["outcome"][...] = EXCLUDED
+    words = {name: np.full(shape, "", dtype=object) for name in _WORDS}
+    words["state"][...] = EXCLUDED
     places = [
         {position["label"]: index for index, position in enumerate(dimension["positions"])} for dimension in dimensions
     ]
@@ -61,8 +63,8 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
         index = tuple(place[case["labels"][name]] for name, place in zip(names, places, strict=True))
         record, file = manifest["runs"][case["digest"]], run_path(folder, case["digest"])
         found = measured(file) if record["state"] == DONE else None
-        words["outcome"][index], words["file"][index] = record["state"], os.fspath(file.relative_to(folder))
-        words["reason"][index] = record["reason"] or (found.note if found else "")
+        words["state"][index], words["outcome"][index] = record["state"], _outcome(record)
+        words["file"][index], words["note"][index] = file.relative_to(folder).as_posix(), found.note if found else ""
         if found is not None:
             old += found.definition != definition()
             for name in METRICS:
@@ -106,9 +108,9 @@ class StudyAccessor:
         InputError
             If the labels name no case, or more than one, or there is nothing recorded.
         """
-        if not {"file", "outcome"} <= set(self._dataset.variables) or "folder" not in self._dataset.attrs:
+        if not {"file", "state"} <= set(self._dataset.variables) or "folder" not in self._dataset.attrs:
             raise InputError("the dataset is not a study's; pass what deli.open_study returned, or a part of it.")
-        case = self._dataset[["file", "outcome"]]
+        case = self._dataset[["file", "state"]]
         for name in case.dims:
             if name not in labels:
                 raise InputError(f"name one {name} of: {_listed(case, name)}.")
@@ -125,14 +127,23 @@ class StudyAccessor:
         for candidate in (path, partial_path(path)):
             if candidate.exists():
                 return open_run(candidate)
-        raise InputError(f"nothing is recorded of {_said(labels)}: it is {case['outcome'].item()}.")
+        raise InputError(f"nothing is recorded of {_said(labels)}: it is {case['state'].item()}.")
 
 
 _WORDS = {
-    "outcome": "how the case ended, or stands",
-    "reason": "why it did not finish, or was not compared with a reference",
+    "state": "how the case stands",
+    "outcome": "how the case ended; empty where the study excludes it",
+    "note": "why the case was not compared with its reference",
     "file": "the case's run, relative to the folder of the study",
 }
+
+
+def _outcome(record: Mapping[str, Any]) -> str:
+    """What a run's outcome is or would be, in words."""
+    state, reason = record["state"], record["reason"]
+    if state == DONE:
+        return COMPLETE
+    return reason if reason.startswith(state) else ": ".join(filter(None, (state, reason)))
 
 
 def _described(name: str) -> dict[str, str]:

@@ -107,7 +107,9 @@ def test_a_failing_case_stops_no_other(folder):
     assert "case = direct: failed: failed in step" in result.stderr
     assert "1 of 2 runs in out are not done. --retry-failed" in result.stderr
     found = deli.open_study("out")
-    assert found.outcome.sel(case=["direct", "gvi"]).values.tolist() == ["failed", "done"]
+    assert found.state.sel(case=["direct", "gvi"]).values.tolist() == ["failed", "done"]
+    assert found.outcome.sel(case="direct").item().startswith("failed in step")
+    assert found.outcome.sel(case="gvi") == "complete"
     assert np.isnan(found.energy_band.sel(case="direct"))
     assert found.energy_band.sel(case="gvi") > 0
     assert found.deli.run(case="direct")["trajectory"].sizes["time"] > 1
@@ -133,9 +135,9 @@ def test_limits_end_the_case_that_exceeds_them(folder):
     table = {"cases": [endless, large, short], "limits": {"time": 6.0, "memory": "450 MB"}}
     result = run(folder, table, workers=2)
     found = deli.open_study(folder / "out")
-    assert found.outcome.values.tolist() == ["timed out", "out of memory", "done"], found.reason.values
-    assert found.reason.values[0] == "limit 6 s"
-    assert "limit 450 MB" in found.reason.values[1]
+    assert found.state.values.tolist() == ["timed out", "out of memory", "done"], found.outcome.values
+    assert found.outcome.values[0] == "timed out: limit 6 s"
+    assert "limit 450 MB" in found.outcome.values[1]
     assert result.states["done"] == 1
     assert found.deli.run(case="endless").attrs["outcome"].startswith("interrupted by SIGTERM")
     assert whys(folder, table) == ["timed out", "out of memory", "done"]
@@ -193,7 +195,8 @@ def test_a_study_opens_as_one_dataset(folder):
     found = deli.open_study(folder / "out")
     assert dict(found.sizes) == {"mass": 2, "step_size": 2, "fall": 2}
     assert found.position.dims == ("fall",)
-    assert found.outcome.sel(mass=2.0, fall="high").values.tolist() == ["excluded", "excluded"]
+    assert found.state.sel(mass=2.0, fall="high").values.tolist() == ["excluded", "excluded"]
+    assert found.outcome.sel(mass=2.0, fall="high").values.tolist() == ["", ""]
     assert np.isnan(found.steps.sel(mass=2.0, fall="high")).all()
     case = found.sel(mass=1.0, fall="high")
     assert case.steps.values.tolist() == [30, 30]
