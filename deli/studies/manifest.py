@@ -29,26 +29,24 @@ class Manifest:
         `Record` by digest.
     """
 
-    def __init__(self, folder: Path, study: Study, earlier: dict[str, Any] | None, session: dict[str, Any]) -> None:
+    def __init__(
+        self, folder: Path, study: Study, earlier: dict[str, Any] | None, session: dict[str, Any] | None
+    ) -> None:
         self._path, self._written = folder / MANIFEST, 0.0
         records = {} if earlier is None else earlier["runs"]
         fresh = {"state": WAITING, "reason": "", "seconds": 0.0}
         self.runs: dict[str, Record] = {
             digest: {**records.get(digest, fresh), "steps": case.steps} for digest, case in study.runs.items()
         }
-        self._session = {
-            "start": now(),
-            "machine": f"{platform.node()}, {platform.platform()}, {os.cpu_count()} CPUs",
-            "load": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
-            "deli_version": version("deli"),
-            **session,
-        }
+        self._sessions: list[dict[str, Any]] = [] if earlier is None else earlier["sessions"]
+        if session is not None:
+            self._sessions.append({**_circumstances(), **session})
         self._rest = {
             "format": FORMAT,
             "title": study.title,
             "study": study.text,
             "limits": study.limits.model_dump(),
-            "sessions": [*([] if earlier is None else earlier["sessions"]), self._session],
+            "sessions": self._sessions,
             "dimensions": [
                 {
                     "name": dimension.name,
@@ -67,11 +65,21 @@ class Manifest:
         if changes.get("state") != RUNNING or time.monotonic() - self._written > SECONDS_BETWEEN_WRITES:
             self.write()
 
-    def write(self, **session: Any) -> None:
-        """Write the manifest, with something to add about the session."""
-        self._session |= {"end": now(), **session}
+    def write(self) -> None:
+        """Write the manifest."""
+        if self._sessions:
+            self._sessions[-1]["end"] = now()
         write_whole(self._path, json.dumps({**self._rest, "runs": self.runs}, indent=1))
         self._written = time.monotonic()
+
+
+def _circumstances() -> dict[str, Any]:
+    return {
+        "start": now(),
+        "machine": f"{platform.node()}, {platform.platform()}, {os.cpu_count()} CPUs",
+        "load": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+        "deli_version": version("deli"),
+    }
 
 
 def read_manifest(folder: Path) -> dict[str, Any] | None:

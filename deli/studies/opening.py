@@ -73,7 +73,6 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
         logger.warning("%s: %d runs were measured by other definitions; deli study measures them anew", folder, old)
     variables = {name: (names, array, _described(name)) for name, array in values.items()}
     variables |= {name: (names, array.astype(str), {"long_name": _WORDS[name]}) for name, array in words.items()}
-    sessions = manifest["sessions"]
     return xr.Dataset(
         variables,
         coords=_coordinates(dimensions),
@@ -81,9 +80,9 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
             "title": manifest["title"],
             "study": manifest["study"],
             "folder": os.fspath(folder.resolve()),
-            "machine": "; ".join(dict.fromkeys(session["machine"] for session in sessions)),
-            "workers": max(session["workers"] for session in sessions),
-            "deli_version": sessions[-1]["deli_version"],
+            "machine": "; ".join(dict.fromkeys(session["machine"] for session in manifest["sessions"])),
+            "workers": max((session["workers"] for session in manifest["sessions"]), default=0),
+            "deli_version": "; ".join(dict.fromkeys(session["deli_version"] for session in manifest["sessions"])),
         },
     )
 

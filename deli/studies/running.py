@@ -133,7 +133,7 @@ def run_study(
         decisions = plan_study(study, folder, retry_failed=retry_failed)
         todo = [decision for decision in decisions if decision.action != KEEP]
         scheduler = _scheduler(study, workers, address, len(todo))
-        session = {"workers": scheduler.workers, "scheduler": address or "local"}
+        session = {"workers": scheduler.workers, "scheduler": address or "local"} if todo else None
         manifest = Manifest(folder, study, read_manifest(folder), session)
         for decision in decisions:
             manifest.runs[decision.case.digest] |= decision.record or {}
@@ -198,9 +198,8 @@ class _Conductor:
             del self._open[digest]
             if what["state"] == WAITING:
                 return
-            if decision.action != RUN:
-                what = {key: value for key, value in what.items() if key != "seconds"}
-            self._manifest.set(digest, **what)
+            told = what if decision.action == RUN else {key: what[key] for key in ("state", "reason")}
+            self._manifest.set(digest, **told)
             self._watcher.ended(decision, record)
 
 

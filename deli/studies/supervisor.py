@@ -22,6 +22,8 @@ from deli.studies.worker import Order, line_of
 POLL_SECONDS = 0.05
 GRACE_SECONDS = 10.0
 """How long a worker may take to end its step and write its rows."""
+SWOLLEN = 0.1
+"""Part of the memory limit that a worker may keep from earlier cases."""
 
 _CODE = "import sys; sys.path[:] = {path!r}; from deli.studies.worker import main; main()"
 _THREADS = ("OMP", "OPENBLAS", "MKL", "NUMBA", "RAYON", "VECLIB", "NUMEXPR")
@@ -39,7 +41,7 @@ class Supervisor:
 
     def run(self, order: Order, report: Callable[[int], None], stopped: Callable[[], bool]) -> Ended:
         """Run one case; tell `report` the step it is at, and interrupt it as soon as `stopped` says so."""
-        if self._process is None or self._process.poll() is not None:
+        if self._process is None or self._process.poll() is not None or self._swollen(self._process):
             self.close()
             self._start()
         process, began = self._process, time.monotonic()
@@ -83,7 +85,12 @@ class Supervisor:
         )
         self._reader = threading.Thread(target=self._read, args=(self._process,), daemon=True)
         self._reader.start()
-        self._ready = False
+        self._ready, self._resident = False, 0
+
+    def _swollen(self, process: "subprocess.Popen[str]") -> bool:
+        """Whether earlier cases have left it memory that would count against the next one's limit."""
+        limit = self._limits.memory
+        return limit is not None and _memory(process.pid) - self._resident > SWOLLEN * limit
 
     def _read(self, process: "subprocess.Popen[str]") -> None:
         assert process.stdout is not None
@@ -106,6 +113,7 @@ class Supervisor:
             if stopped():
                 return {"state": INTERRUPTED, "reason": "before it began"}
             self._ready = "ready" in answer
+            self._resident = _memory(process.pid)
         return None
 
     def _watch(

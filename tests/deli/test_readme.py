@@ -8,6 +8,7 @@ import matplotlib.pyplot as plt
 import pytest
 
 from deli.config import load
+from deli.studies import expansion
 
 ROOT = Path(__file__).parents[2]
 
@@ -38,3 +39,8 @@ def test_the_notebook_runs(tmp_path, monkeypatch):
 def test_shipped_configs_are_accepted(path, tmp_path):
     plan = load(str(path), []).plan(tmp_path / "out.nc")
     assert plan.steps > 0
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "studies").glob("*.toml")), ids=lambda path: path.stem)
+def test_shipped_studies_are_accepted(path):
+    assert expansion.load(path).cases

@@ -23,8 +23,8 @@ def study(folder, **table):
     return make_study({"base": BALL, **table}, folder)
 
 
-def run(folder, table, **options):
-    return run_study(study(folder, **table), folder / "out", **options)
+def run(folder, table, *, workers=1, **options):
+    return run_study(study(folder, **table), folder / "out", workers=workers, **options)
 
 
 class Watch:

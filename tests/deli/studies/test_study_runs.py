@@ -118,7 +118,7 @@ def test_a_failing_case_stops_no_other(folder):
 
 
 def test_a_killed_case_stops_no_other_and_is_continued_when_told_to(folder, whole):
-    first = run(folder, SEEDS, workers=1, watcher=Watch(kill_workers))
+    first = run(folder, SEEDS, watcher=Watch(kill_workers))
     assert first.states == {"killed": 1, "done": 1}
     (record,) = [record for record in first.runs.values() if record["state"] == "killed"]
     assert "SIGKILL" in record["reason"]
@@ -144,7 +144,7 @@ def test_limits_end_the_case_that_exceeds_them(folder):
 
 
 def test_an_interrupted_study_is_continued_to_the_bit(folder, whole):
-    first = run(folder, SEEDS, workers=1, watcher=Watch(interrupt))
+    first = run(folder, SEEDS, watcher=Watch(interrupt))
     assert first.stopped == "SIGINT"
     assert first.states == {"interrupted": 1, "waiting": 1}
     assert whys(folder, SEEDS) == ["unfinished", "missing"]
