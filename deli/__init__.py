@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from deli.replaying.replay import replay
     from deli.running.interrupts import Interrupted
     from deli.simulation import load_subproblem, open_run, simulate
+    from deli.studies.opening import open_study
 
 __version__ = "0.1.0"
 
@@ -59,6 +60,7 @@ __all__ = [
     "load_subproblem",
     "metrics",
     "open_run",
+    "open_study",
     "plotting",
     "reflect",
     "replay",
@@ -92,6 +94,7 @@ _HOME = {
     "Springs": "deli.mechanics.pair_potentials",
     "load_subproblem": "deli.simulation",
     "open_run": "deli.simulation",
+    "open_study": "deli.studies.opening",
     "reflect": "deli.reflect",
     "replay": "deli.replaying.replay",
     "simulate": "deli.simulation",

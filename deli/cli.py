@@ -12,6 +12,7 @@ from deli.commands.listing import backends, methods, scenes
 from deli.commands.plot import plot
 from deli.commands.replay import replay
 from deli.commands.run import run
+from deli.commands.study import study
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -20,7 +21,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (run, plot, animate, replay, figures, check, scenes, methods, backends, bench):
+for command in (run, study, plot, animate, replay, figures, check, scenes, methods, backends, bench):
     app.command()(command)
 
 

@@ -1,6 +1,7 @@
 """Run a method on a scene and record it; open what was recorded."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -149,8 +150,8 @@ def load_subproblem(path: str | os.PathLike[str], index: int) -> "cp.Problem":
     return problems[index].problem()
 
 
-def run_plan(plan: Plan, progress: bool = False) -> xr.DataTree:
-    """Carry out a checked plan, see `simulate`."""
+def run_plan(plan: Plan, progress: bool | Callable[[int], None] = False) -> xr.DataTree:
+    """Carry out a checked plan, see `simulate`; `progress` may also be called with the number of steps now and then."""
     config = plan.config()
     if plan.resume and plan.output is not None and plan.output.exists():
         run = open_run(plan.output)

@@ -36,6 +36,7 @@ def scenes(
     table = Table("parameter", "default", title=name, title_justify="left")
     for key, parameter in inspect.signature(build).parameters.items():
         table.add_row(f"scene.{key}", escape("derived" if parameter.default is None else repr(parameter.default)))
+    table.add_row("scene.perturbation", "none; { seed = 0, position = 0.0, momentum = 0.0 } adds normal noise")
     console().print(table)
     console().print(inspect.getdoc(build) or "", markup=False, soft_wrap=True)
 

@@ -3,6 +3,8 @@
 A config names registered things only; nothing in it is evaluated, imported or unpickled.
 """
 
+import functools
+import json
 import tomllib
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
@@ -16,6 +18,7 @@ from deli.config.models import config_model, method_model, refuse_nan, say, scen
 from deli.config.overrides import apply_overrides, expand
 from deli.errors import InputError
 from deli.integrators.registry import METHODS
+from deli.mechanics.scene import Scene
 from deli.running.plan import Plan, make_plan
 
 LENGTHS = ("steps", "duration")
@@ -50,7 +53,7 @@ class Config:
         settings = dict(self.table)
         scene, method, record = (dict(settings.pop(name)) for name in ("scene", "method", "record"))
         return make_plan(
-            _build("scene", scenes.get(scene.pop("name")), scene),
+            _scene(json.dumps(scene)),
             _build("method", METHODS[method.pop("name")], method),
             output=output or record.get("output"),
             every=record["every"],
@@ -132,6 +135,14 @@ def _named(table: dict[str, Any], key: str, allowed: Collection[str]) -> str:
     if name not in allowed:
         raise InputError(unknown(f"{key}.name", name, allowed))
     return str(name)
+
+
+@functools.lru_cache(maxsize=8)
+def _scene(text: str) -> Scene:
+    """Build a scene once for all configs that share it: scenes do not change."""
+    settings = json.loads(text)
+    scene: Scene = _build("scene", scenes.get(settings.pop("name")), settings)
+    return scene
 
 
 def _build(key: str, builder: Any, settings: dict[str, Any]) -> Any:

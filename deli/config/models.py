@@ -2,6 +2,7 @@
 
 import dataclasses
 import difflib
+import functools
 import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -60,6 +61,14 @@ def _most(value: Any) -> Any:
     return value
 
 
+class PerturbationTable(Table):
+    """Normal noise on a scene's initial state: the seed, and a standard deviation for every coordinate."""
+
+    seed: int = Field(default=0, ge=0)
+    position: float = Field(default=0.0, ge=0)
+    momentum: float = Field(default=0.0, ge=0)
+
+
 class RecordTable(Table):
     """How often rows are recorded, to which file (relative to the current directory), and how many subproblems."""
 
@@ -80,11 +89,13 @@ class RunTable(Table):
     record: RecordTable = Field(default_factory=RecordTable)
 
 
+@functools.cache
 def config_model(scene: type[Table], method: type[Table]) -> type[Table]:
     """Return the model of a config, from those of its scene's and its method's tables."""
     return create_model("Config", __base__=RunTable, scene=(scene, ...), method=(method, ...))
 
 
+@functools.cache
 def scene_model(build: Callable[..., Any]) -> type[Table]:
     """Return the model of a scene's table, from the signature of the function that builds it."""
     function = inspect.unwrap(build)
@@ -93,9 +104,11 @@ def scene_model(build: Callable[..., Any]) -> type[Table]:
         key: (hints[key] if hints[key] in PLAIN_TYPES else Numbers, parameter.default)
         for key, parameter in inspect.signature(function).parameters.items()
     }
-    return create_model("Scene", __base__=Table, name=(str, ...), **fields)
+    perturbed: Any = (PerturbationTable | None, None)
+    return create_model("Scene", __base__=Table, name=(str, ...), **{**fields, "perturbation": perturbed})
 
 
+@functools.cache
 def method_model(method: type[Integrator]) -> type[Table]:
     """Return the model of a method's table, from the fields of its class."""
     hints, choices = get_type_hints(method), method.CHOICES

@@ -50,8 +50,34 @@ def apply_overrides(table: dict[str, Any], overrides: Iterable[str]) -> dict[str
         keys = [key.strip() for key in path.split(".")]
         if not equals or not all(keys):
             raise InputError(f"--set {text}: expected key=value, such as step_size=0.01 or scene.balls=3.")
-        override(table, keys, parse_value(text, value.strip()))
+        parsed = parse_value(text, value.strip())
+        try:
+            override(table, keys, parsed)
+        except InputError as error:
+            raise InputError(f"--set {text}: {error}") from error
     return _expand_solvers(table)
+
+
+def assign(table: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key of a table whose short forms are spelled out, and keep them so.
+
+    A table is merged into what is there, unless it says what it is (a scene's or method's ``name``, a solver's
+    ``backend``): then it takes its place.
+
+    Raises
+    ------
+    InputError
+        If the path leads through a value.
+    """
+    keys = key.split(".")
+    if isinstance(value, Mapping) and not {"name", "backend"} & set(value):
+        for inner, entry in value.items():
+            assign(table, f"{key}.{inner}", entry)
+        return
+    if keys[0] == "solvers" and len(keys) == 1:
+        keys = ["solvers", "default"]
+    override(table, keys, _copied(value))
+    _expand_solvers(table)
 
 
 def override(table: dict[str, Any], keys: list[str], value: Any) -> None:
@@ -67,7 +93,7 @@ def override(table: dict[str, Any], keys: list[str], value: Any) -> None:
         inner = inner.setdefault(key, {})
         if not isinstance(inner, dict):
             path = ".".join(keys[: index + 1])
-            raise InputError(f"--set {'.'.join(keys)}: {path} is {inner!r}, not a table.")
+            raise InputError(f"{path} is {inner!r}, not a table.")
     inner[keys[-1]] = value
 
 

@@ -6,10 +6,12 @@ import os
 import subprocess
 import sys
 import threading
+from contextlib import nullcontext
 from importlib.metadata import version
 from pathlib import Path
 
 import llvmlite.binding as llvm
+from filelock import FileLock
 from numba.core.caching import FunctionCache
 
 from deli.kernels import (
@@ -62,12 +64,14 @@ def ready() -> None:
         if not wanted:
             return
         marker = _marker(wanted[0])
-        if not marker.exists():
-            logger.warning("compiling deli for this machine: once, some twelve seconds on two cores")
-            _build(wanted)
-        for unit in wanted:
-            unit.compile()
-        marker.touch()
+        marker.parent.mkdir(parents=True, exist_ok=True)
+        with FileLock(marker.parent / "deli.lock") if not marker.exists() else nullcontext():
+            if not marker.exists():  # nor did another process make it while this one waited
+                logger.warning("compiling deli for this machine: once, some twelve seconds on two cores")
+                _build(wanted)
+            for unit in wanted:
+                unit.compile()
+            marker.touch()
 
 
 def _marker(unit: Unit) -> Path:

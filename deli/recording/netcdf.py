@@ -31,6 +31,10 @@ class RecordingError(DeliError):
     """Rows could not be written: a full disk, a vanished folder."""
 
 
+class Busy(InputError):
+    """Another process is writing the file."""
+
+
 def being_written(path: Path) -> bool:
     """Whether this process is writing the file; other processes are kept out by the library's lock on it."""
     return path.resolve() in _writers
@@ -72,7 +76,7 @@ class Writer:
                     netCDF4.Dataset(path, "w").close()  # fails where another process holds the lock
                 dataset = netCDF4.Dataset(fresh, "w", format="NETCDF4")
             except OSError as error:
-                raise InputError(f"{path} cannot be written ({error}); is another run writing it?") from error
+                raise Busy(f"{path} cannot be written ({error}); is another run writing it?") from error
             _lay_out(dataset, schema, attributes)
             dataset.close()
             os.replace(fresh, path)
@@ -86,7 +90,7 @@ class Writer:
             try:
                 dataset = netCDF4.Dataset(path, "a")
             except OSError as error:
-                raise InputError(f"{path} cannot be continued ({error}); is another run writing it?") from error
+                raise Busy(f"{path} cannot be continued ({error}); is another run writing it?") from error
             ends = _ends(dataset, steps) if POSED in dataset.groups else {}
             return cls(path, dataset, int(dataset[COMMITTED][...]), float(dataset[WALL_TIME][...]), ends)
 

@@ -1,6 +1,7 @@
 """Where a run comes from: its whole configuration, the software, the machine, the times."""
 
 import dataclasses
+import functools
 import importlib.metadata
 import os
 import platform
@@ -177,6 +178,7 @@ def plain(value: Any) -> Any:
     return value
 
 
+@functools.lru_cache(maxsize=8)  # the cases of a study share scenes
 def _describe_scene(scene: Scene) -> dict[str, Any]:
     if scene.name in scenes.available() and _same(scenes.get(scene.name)(**scene.parameters), scene):
         return {"name": scene.name, **scene.parameters}

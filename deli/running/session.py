@@ -2,6 +2,7 @@
 
 import logging
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -32,11 +33,13 @@ logger = logging.getLogger("deli")
 class Session:
     """One go at a run: from the initial state, or from the last committed row of a partial file.
 
-    Rows go to the partial file once `BLOCK_ROWS` are buffered and a second has passed, or ten seconds have.
+    `progress` is whether to show a bar, or what to tell the number of steps now and then. Rows go to the partial file
+    once `BLOCK_ROWS` are buffered and a second has passed, or ten seconds have.
     """
 
-    def __init__(self, plan: Plan, config: dict[str, Any], progress: bool) -> None:
+    def __init__(self, plan: Plan, config: dict[str, Any], progress: bool | Callable[[int], None]) -> None:
         self._plan = plan
+        self._report = None if isinstance(progress, bool) else progress
         self._began = time.perf_counter()
         self._stepper = plan.stepper()
         self._attributes = provenance.attributes(config, plan.scene)
@@ -57,7 +60,7 @@ class Session:
             self._stepper.record(self._recorder.block)
             self._recorder.flush()
         self._progress[0] = plan.step_of(self._recorder.rows - 1)
-        self._bar = ProgressBar(plan.scene.name, plan.steps, self._step, progress)
+        self._bar = ProgressBar(plan.scene.name, plan.steps, self._step, progress is True)
         self._flushed = time.perf_counter()
 
     def run(self) -> xr.DataTree:
@@ -142,6 +145,8 @@ class Session:
         if self._recorder.full or (self._writer is not None and (enough or waited > PATIENCE_SECONDS)):
             self._recorder.flush()
             self._flushed = time.perf_counter()
+        if self._report is not None:
+            self._report(self._step)
         if self._bar.active:
             energy = float(energies.hamiltonian(self._plan.scene, *self._stepper.state[:2]))
             self._bar.update(self._step, energy - self._energy)

@@ -12,6 +12,7 @@ import numpy as np
 
 from deli.errors import InputError
 from deli.mechanics.scene import Scene
+from deli.scenes.perturbation import perturb, read_perturbation
 
 Parameters = ParamSpec("Parameters")
 
@@ -25,7 +26,8 @@ def scene(
     """Register the decorated function as a scene of its own name, with a way of running it: the paper's, if it has one.
 
     The scene it returns carries that name and all keyword values, defaults included, in plain Python types; a
-    parameter left at None is not recorded. Calling the function with these values makes the same scene again.
+    parameter left at None is not recorded. Calling the function with these values makes the same scene again. Besides
+    its own parameters it takes a `perturbation` of the initial state, see `deli.scenes.perturbation`.
     """
 
     def register(build: Callable[Parameters, Scene]) -> Callable[Parameters, Scene]:
@@ -34,15 +36,20 @@ def scene(
 
         @functools.wraps(build)
         def checked(*args: Parameters.args, **keywords: Parameters.kwargs) -> Scene:
+            perturbation = keywords.pop("perturbation", None)
             unknown = [key for key in keywords if key not in signature.parameters]
             if unknown or args:
                 found = repr(unknown[0]) if unknown else f"a value without a name, {args[0]!r}"
-                allowed = ", ".join(signature.parameters)
+                allowed = ", ".join([*signature.parameters, "perturbation"])
                 raise InputError(f"scene {name}: found {found}; its parameters, by keyword, are: {allowed}")
             bound = signature.bind(**keywords)
             bound.apply_defaults()
             values = {key: _plain(value) for key, value in bound.arguments.items() if value is not None}
-            return dataclasses.replace(build(**keywords), name=name, parameters=values)  # type: ignore[call-arg]
+            built = build(**keywords)  # type: ignore[call-arg]
+            if perturbation is not None:
+                values["perturbation"] = read_perturbation("perturbation", perturbation)
+                built = perturb(built, values["perturbation"])
+            return dataclasses.replace(built, name=name, parameters=values)
 
         _BUILDERS[name] = checked
         _DEFAULTS[name] = {"step_size": step_size, "duration": duration, "scheme": scheme}

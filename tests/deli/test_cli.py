@@ -143,7 +143,9 @@ class TestPlainOutput:
         output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
         assert output.stdout.strip() == ""
 
-    @pytest.mark.parametrize("command", ["run", "plot", "replay", "figures", "check", "scenes", "methods", "backends"])
+    @pytest.mark.parametrize(
+        "command", ["run", "study", "plot", "animate", "replay", "figures", "check", "scenes", "methods", "backends"]
+    )
     def test_every_command_has_help(self, command):
         result = call(command, "--help")
         assert result.exit_code == DONE

@@ -7,6 +7,7 @@ import matplotlib.pyplot as plt
 import pytest
 
 from deli.config import load
+from deli.studies import expansion
 
 ROOT = Path(__file__).parents[2]
 
@@ -29,3 +30,8 @@ def test_the_readme_s_python_runs_in_order(tmp_path, monkeypatch):
 def test_shipped_configs_are_accepted(path, tmp_path):
     plan = load(str(path), []).plan(tmp_path / "out.nc")
     assert plan.steps > 0
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "studies").glob("*.toml")), ids=lambda path: path.stem)
+def test_shipped_studies_are_accepted(path):
+    assert expansion.load(path).cases

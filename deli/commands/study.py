@@ -1,0 +1,140 @@
+"""``deli study``: many runs from one file."""
+
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from deli.commands.console import RUN_FAILED, complain, console, guarded
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from deli.studies.planning import Decision
+    from deli.studies.running import Result
+
+SHOWN_FAILURES = 20
+
+
+@guarded
+def study(
+    source: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="A study file.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="Folder of the study (default: the file's name, here)."),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers", metavar="N", min=1, help="Worker processes (default: what the study says, or one a core)."
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Run on a Dask scheduler, such as tcp://host:8786, instead of here."),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Check everything, say what would run and why, and stop.")
+    ] = False,
+    retry_failed: Annotated[
+        bool,
+        typer.Option("--retry-failed", help="Also run again what failed, timed out, ran out of memory or was killed."),
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
+) -> None:
+    """Run a study: a base config, and what varies. Open the results with `deli.open_study(DIR)`.
+
+    A case whose run is there already is not run again, unless its config, deli or a backend it used has changed; one
+    that was interrupted is continued. A case that fails, takes longer or more memory than the study's limits, or is
+    killed, is a row with that outcome and stops no other. Exit status: 0 all cases are done, 1 some are not, 2 the
+    input is at fault.
+
+    A study file:
+
+        base = "pogo.toml"              # or a table [base]
+
+        [axes]                          # all combinations
+        "solvers.default" = [
+            "daqp",
+            { backend = "osqp", tolerance = 1e-6, label = "loose" },
+        ]
+        step_size = [0.2, 0.1, 0.05]
+        scene.perturbation.seed = { count = 10 }  # 0, 1, ... 9
+
+        [[zip]]                         # keys that vary together
+        name = "length"
+        values = { duration = [1.0, 9.0], record.every = [1, 9] }
+
+        [[cases]]                       # by hand: dimension "case"
+        label = "soft"
+        scene.stiffness = 1.0
+
+        [[exclude]]                     # what matches is left out
+        solver = "loose"
+        step_size = [0.1, 0.05]
+
+        [reference]                     # for trajectory_error;
+        step_size = 1e-4                # or exact = true
+
+        [limits]                        # of one case
+        time = 60.0
+        memory = "2 GB"
+
+    Also `title`, and `workers = 1` where times are to be compared.
+    """
+    from deli.errors import InputError
+    from deli.studies.display import Board, reasons
+    from deli.studies.expansion import load
+    from deli.studies.running import plan_study, run_study
+
+    if workers is not None and scheduler is not None:
+        raise InputError("--workers and --scheduler are both given; a Dask scheduler has its own workers.")
+    checked, folder = load(source), output or Path(source.stem)
+    decisions = plan_study(checked, folder, retry_failed=retry_failed)
+    if dry_run:
+        _print_plan(decisions)
+    if not quiet:
+        console().print(f"{checked.title}: {reasons(decisions)}", markup=False, soft_wrap=True)
+    if dry_run:
+        return
+    with nullcontext() if quiet else Board(decisions) as board:
+        result = run_study(
+            checked, folder, workers=workers, address=scheduler, retry_failed=retry_failed, watcher=board
+        )
+    if not quiet:
+        console().print(f"{_counted(result)}; in {folder}", markup=False, soft_wrap=True)
+    _complain_of(result, folder)
+
+
+def _print_plan(decisions: "Sequence[Decision]") -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table("case", "steps", "does", "why", "file")
+    for decision in decisions:
+        case = decision.case
+        table.add_row(
+            *(Text(cell) for cell in (case.title, f"{case.steps:,}", decision.action, decision.why, case.digest))
+        )
+    console().print(table)
+
+
+def _counted(result: "Result") -> str:
+    return f"{result.states.total()} runs: " + ", ".join(f"{count} {state}" for state, count in result.states.items())
+
+
+def _complain_of(result: "Result", folder: Path) -> None:
+    from deli.studies.states import DONE, FAILURES
+
+    if result.stopped is not None:
+        complain(f"interrupted by {result.stopped}; {_counted(result)}. The same command continues.")
+        raise typer.Exit(RUN_FAILED)
+    if result.states[DONE] == result.states.total():
+        return
+    failed = [(result.titles[digest], record) for digest, record in result.runs.items() if record["state"] != DONE]
+    for title, record in failed[:SHOWN_FAILURES]:
+        complain(": ".join(filter(None, (title, record["state"], record["reason"]))))
+    retry = " --retry-failed runs them again." if any(record["state"] in FAILURES for _, record in failed) else ""
+    complain(f"{len(failed)} of {result.states.total()} runs in {folder} are not done.{retry}")
+    raise typer.Exit(RUN_FAILED)

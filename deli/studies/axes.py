@@ -1,0 +1,180 @@
+"""Dimensions of a study: what varies along each, and what its positions are called."""
+
+import numbers
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from deli.errors import InputError
+from deli.recording.provenance import flatten
+from deli.studies.model import AXIS_KEYS, StudyTable, ZipTable, check_axis
+
+CASE = "case"
+"""The dimension of ``[[cases]]``."""
+SHORT_NAMES = {
+    "solvers": "solver",
+    "solvers.default": "solver",
+    "solvers.default.backend": "solver",
+    "scene.name": "scene",
+    "method.name": "method",
+}
+RESERVED = {"state", "outcome", "note", "file", "label"}
+
+Label = str | int | float | bool
+
+
+@dataclass(frozen=True)
+class Position:
+    """One place along a dimension: its label, and what it changes in the base config, by dotted key."""
+
+    label: Label
+    changes: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A dimension of a study's dataset, with the config keys that vary along it."""
+
+    name: str
+    keys: tuple[str, ...]
+    positions: tuple[Position, ...]
+
+    def matching(self, key: str, wanted: Any) -> set[int]:
+        """Positions whose label, or value of the config key, is `wanted` or one of a list of these."""
+        alternatives = wanted if isinstance(wanted, list) else [wanted]
+        by_label = [index for index, position in enumerate(self.positions) if position.label in alternatives]
+        if key == self.name and by_label:
+            return set(by_label)
+        found = {
+            index
+            for index, position in enumerate(self.positions)
+            if key in position.changes and (position.changes[key] in alternatives or position.changes[key] == wanted)
+        }
+        return found | (set(by_label) if key in self.keys else set())
+
+
+def dimensions_of(table: StudyTable) -> tuple[Dimension, ...]:
+    """Return the dimensions: axes as they stand in the file, zips, cases.
+
+    Raises
+    ------
+    InputError
+        For an axis without values, lists of unequal length, or labels or names that occur twice.
+    """
+    dimensions = [_axis(key, value) for key, value in leaves(table.axes)]
+    dimensions += [_zip(index, entry) for index, entry in enumerate(table.zip)]
+    if table.cases:
+        dimensions.append(_cases(table.cases))
+    if not dimensions:
+        raise InputError("the study varies nothing; give [axes], [[zip]] or [[cases]].")
+    names = [dimension.name for dimension in dimensions]
+    _refuse_twice("dimension", names, "name one of them: { name = ..., values = ... }")
+    _refuse_twice("config key", [key for dimension in dimensions for key in dimension.keys], "vary it once")
+    for dimension in dimensions:
+        _refuse_reserved(dimension.name)
+        labels = [position.label for position in dimension.positions]
+        _refuse_twice(f"label of {dimension.name}", labels, 'tell them apart by { label = "...", ... }')
+    return tuple(dimensions)
+
+
+def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
+    """Axes by dotted key, whether the file quotes the dots or not."""
+    for key, value in table.items():
+        if isinstance(value, Mapping) and not AXIS_KEYS & set(value):
+            yield from leaves(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def derived_name(key: str) -> str:
+    """Name of the dimension along which a config key varies."""
+    parts = key.split(".")
+    if key in SHORT_NAMES:
+        return SHORT_NAMES[key]
+    if parts[0] == "solvers" and len(parts) == 2:
+        return f"{parts[1]}_solver"
+    return parts[-1]
+
+
+def derived_label(value: Any) -> str:
+    """Words for a value: a table's strings as they are, its other entries with their keys."""
+    if isinstance(value, Mapping):
+        entries = flatten(value).items()
+        return ", ".join(entry if isinstance(entry, str) else f"{key} = {_word(entry)}" for key, entry in entries)
+    return _word(value)
+
+
+def _word(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _axis(key: str, found: Any) -> Dimension:
+    table = check_axis(key, found)
+    named = [_named(entry) for entry in table.entries]
+    labels = _labels([value for value, _ in named], [label for _, label in named])
+    positions = tuple(Position(label, {key: value}) for (value, _), label in zip(named, labels, strict=True))
+    return Dimension(table.name or derived_name(key), (key,), positions)
+
+
+def _zip(index: int, table: ZipTable) -> Dimension:
+    columns = dict(leaves(table.values))
+    for key, values in columns.items():
+        if not isinstance(values, list) or not values:
+            raise InputError(f"zip.{index}.values.{key} is {values!r}; allowed: a list of values.")
+    lengths = {f"values.{key}": len(values) for key, values in columns.items()}
+    if table.labels is not None:
+        lengths["labels"] = len(table.labels)
+    if not columns or len(set(lengths.values())) != 1:
+        found = ", ".join(f"{key} has {length}" for key, length in lengths.items()) or "values is empty"
+        raise InputError(f"zip.{index} ({table.name}): {found}; allowed: lists of one length.")
+    rows = list(zip(*columns.values(), strict=True))
+    labels = table.labels or [", ".join(derived_label(value) for value in row) for row in rows]
+    positions = [Position(label, dict(zip(columns, row, strict=True))) for label, row in zip(labels, rows, strict=True)]
+    return Dimension(table.name, tuple(columns), tuple(positions))
+
+
+def _cases(tables: Sequence[Mapping[str, Any]]) -> Dimension:
+    positions: list[Position] = []
+    for table in tables:
+        changes = {key: value for key, value in table.items() if key != "label"}
+        label = table.get("label", derived_label(changes) or "base")
+        if not isinstance(label, str):
+            raise InputError(f"cases.{len(positions)}.label is {label!r}; allowed: a string.")
+        positions.append(Position(label, changes))
+    return Dimension(CASE, (), tuple(positions))
+
+
+def _named(entry: Any) -> tuple[Any, str | None]:
+    """Split a value with a label, ``{label = "...", value = ...}`` or a table with a label among its keys."""
+    if not isinstance(entry, Mapping) or "label" not in entry:
+        return entry, None
+    rest = {key: value for key, value in entry.items() if key != "label"}
+    return (rest["value"] if set(rest) == {"value"} else rest), str(entry["label"])
+
+
+def _labels(values: Sequence[Any], given: Sequence[str | None]) -> Sequence[Label]:
+    """Labels of an axis: numbers, truth values and words themselves, words where they are mixed or tables."""
+    plain = not any(label is not None for label in given)
+    if plain and (all(isinstance(value, bool) for value in values) or all(map(_is_number, values))):
+        return values
+    return [derived_label(value) if label is None else label for value, label in zip(values, given, strict=True)]
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)
+
+
+def _refuse_twice(what: str, found: Sequence[Any], remedy: str) -> None:
+    for index, entry in enumerate(found):
+        if entry in found[:index]:
+            raise InputError(f"{what} {entry!r} occurs twice; {remedy}.")
+
+
+def _refuse_reserved(name: str) -> None:
+    from deli.metrics import METRICS
+
+    if name in RESERVED or name in METRICS:
+        raise InputError(
+            f"dimension {name!r} is called like a variable of the study's dataset; name it otherwise: "
+            "{ name = ..., values = ... }."
+        )

@@ -1,0 +1,123 @@
+"""How a running study looks: a live table on a terminal, a line for each end elsewhere."""
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
+
+from deli.studies.planning import KEEP, RUN, Decision
+from deli.studies.states import DONE
+
+REFRESH_SECONDS = 0.25
+
+
+class Board:
+    """Shows what runs, what has ended and about how long the rest takes; progress is counted in steps.
+
+    On a terminal, a live table on standard error; elsewhere a line on standard output for each run that has ended.
+    """
+
+    def __init__(self, decisions: Sequence[Decision]) -> None:
+        self._todo = [decision for decision in decisions if decision.action != KEEP]
+        self._work = sum(map(_work, self._todo))
+        self._running: dict[str, tuple[Decision, float, int]] = {}
+        self._ended, self._failed, self._behind = 0, 0, 0
+        self._began, self._drawn = time.monotonic(), 0.0
+        console = Console(file=sys.stderr)
+        self._live: Live | None = None
+        if console.is_terminal and self._todo:
+            self._progress = Progress(
+                TextColumn("{task.description}"),
+                BarColumn(bar_width=24),
+                TaskProgressColumn(),
+                TextColumn("left:"),
+                TimeRemainingColumn(),
+                console=console,
+            )
+            self._task = self._progress.add_task("starting", total=self._work)
+            self._live = Live(self._drawing(), console=console, auto_refresh=False, transient=True)
+
+    def __enter__(self) -> "Board":
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def started(self, decision: Decision) -> None:
+        """See `deli.studies.running.Watcher`."""
+        self._running[decision.case.digest] = (decision, time.monotonic(), 0)
+
+    def step(self, decision: Decision, step: int) -> None:
+        """See `deli.studies.running.Watcher`."""
+        if decision.case.digest in self._running:
+            self._running[decision.case.digest] = (*self._running[decision.case.digest][:2], step)
+
+    def ended(self, decision: Decision, record: dict[str, Any]) -> None:
+        """See `deli.studies.running.Watcher`."""
+        self._running.pop(decision.case.digest, None)
+        self._ended += 1
+        self._behind += _work(decision)
+        self._failed += record["state"] != DONE
+        how = f": {record['reason']}" if record["reason"] else ""
+        line = f"[{self._ended}/{len(self._todo)}] {record['state']} in {_short(record['seconds'])}: "
+        line += f"{decision.case.title} ({decision.why}){how}"
+        if self._live is None:
+            print(f"{line}; {self._left()}" if self._ended < len(self._todo) else line, flush=True)
+        elif record["state"] != DONE:
+            self._live.console.print(Text(line))
+
+    def tick(self) -> None:
+        """See `deli.studies.running.Watcher`."""
+        if self._live is None or time.monotonic() - self._drawn < REFRESH_SECONDS:
+            return
+        self._drawn = time.monotonic()
+        failed = f", {self._failed} not done" if self._failed else ""
+        said = f"{self._ended} of {len(self._todo)} runs{failed}"
+        self._progress.update(self._task, completed=self._steps, description=said)
+        self._live.update(self._drawing(), refresh=True)
+
+    @property
+    def _steps(self) -> int:
+        return self._behind + sum(step for _, _, step in self._running.values())
+
+    def _left(self) -> str:
+        seconds = (time.monotonic() - self._began) * (self._work - self._steps) / max(self._steps, 1)
+        return f"about {_short(seconds)} left"
+
+    def _drawing(self) -> Group:
+        table = Table("running", "steps", "for", "why")
+        for decision, since, step in self._running.values():
+            share = f"{100 * step // max(decision.case.steps, 1)} %"
+            cells = (decision.case.title, share, _short(time.monotonic() - since), decision.why)
+            table.add_row(*(Text(cell) for cell in cells))
+        return Group(table, self._progress)
+
+
+def reasons(decisions: Sequence[Decision]) -> str:
+    """Say in a line what is to be done, and why."""
+    todo = [decision for decision in decisions if decision.action != KEEP]
+    if not todo:
+        return f"nothing to do: all {len(decisions)} runs are there"
+    counts = Counter(decision.why.partition(":")[0] for decision in todo)
+    said = ", ".join(f"{count} {why}" for why, count in counts.items())
+    return f"{len(todo)} of {len(decisions)} runs to do: {said}"
+
+
+def _work(decision: Decision) -> int:
+    return decision.case.steps if decision.action == RUN else 1
+
+
+def _short(seconds: float) -> str:
+    if seconds < 99.5:
+        return f"{seconds:.2g} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5970 else f"{seconds / 3600:.1f} h"

@@ -1,0 +1,39 @@
+"""Closed forms to compare a study's cases with, in the place of a finer run."""
+
+import numpy as np
+import xarray as xr
+
+from deli.errors import InputError
+from deli.recording.provenance import scene_of
+from deli.recording.schema import TRAJECTORY, dataset_of
+
+BY_SCENE = {"point_mass": "bouncing_ball"}
+"""Names of closed forms in `deli.figures.exact`, by the scene's."""
+
+
+def require_exact(scene: str) -> None:
+    """Refuse a scene whose motion is not known in closed form.
+
+    Raises
+    ------
+    InputError
+        Naming those that are.
+    """
+    if scene not in BY_SCENE:
+        raise InputError(
+            f"reference.exact: no closed form is known of scene {scene}, only of {', '.join(BY_SCENE)}; "
+            "compare with a finer run, such as step_size = 1e-4."
+        )
+
+
+def exact_run(run: xr.DataTree) -> xr.DataTree:
+    """Return the closed form at a run's times, as far as `deli.metrics.measure` reads a reference."""
+    from deli.figures.exact import SOLUTIONS  # with it comes matplotlib, which no worker needs
+
+    scene = scene_of(run)
+    if scene is None:
+        raise InputError("the run's scene is a user's own, and no closed form is known.")
+    time = dataset_of(run, TRAJECTORY)["time"].values
+    position = np.asarray(SOLUTIONS[BY_SCENE[scene.name]](scene, time))
+    trajectory = xr.Dataset({"position": (("time", "dof"), position)}, coords={"time": time})
+    return xr.DataTree.from_dict({f"/{TRAJECTORY}": trajectory})

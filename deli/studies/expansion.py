@@ -1,0 +1,233 @@
+"""From a study file to its cases: every admissible combination, each with a complete config and its digest."""
+
+import hashlib
+import itertools
+import json
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from deli import config
+from deli.config.models import unknown
+from deli.config.overrides import assign, expand
+from deli.errors import InputError
+from deli.studies.axes import Dimension, Label, dimensions_of, leaves
+from deli.studies.exact import require_exact
+from deli.studies.model import LimitsTable, StudyTable, check_table
+
+DIGITS = 16
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run of a study.
+
+    Attributes
+    ----------
+    labels : dict
+        Where it stands, by dimension; empty for a reference.
+    config : dict
+        The run as a config with every default spelled out.
+    digest : str
+        Names the case by its config.
+    """
+
+    labels: Mapping[str, Label]
+    config: Mapping[str, Any]
+    digest: str
+
+    @property
+    def steps(self) -> int:
+        """Integration steps."""
+        return int(self.config["steps"])
+
+    @property
+    def title(self) -> str:
+        """Its place in words."""
+        return title_of(self.labels) if self.labels else f"reference {self.digest}"
+
+
+@dataclass(frozen=True)
+class Study:
+    """A checked study.
+
+    Attributes
+    ----------
+    title, text : str
+        What it is about, and the file as it was read.
+    dimensions : tuple of Dimension
+    cases : tuple of Case
+        Those that are not excluded, in the order of the product.
+    references : dict
+        By the digest of a case, the case it is compared with.
+    exact : bool
+        Whether cases are compared with the scene's closed form.
+    limits : LimitsTable
+    workers : int or None
+    """
+
+    title: str
+    text: str
+    dimensions: tuple[Dimension, ...]
+    cases: tuple[Case, ...]
+    references: Mapping[str, Case]
+    exact: bool
+    limits: LimitsTable
+    workers: int | None
+
+    @property
+    def runs(self) -> dict[str, Case]:
+        """What is to be run by digest, references first: the others are measured against them."""
+        ordered = [*self.references.values(), *self.cases]
+        named = {case.digest: case for case in self.cases}
+        return {case.digest: named.get(case.digest, case) for case in ordered}
+
+
+def title_of(labels: Mapping[str, Label]) -> str:
+    """Say where a case stands."""
+    return ", ".join(f"{name} = {label}" for name, label in labels.items())
+
+
+def load(path: Path) -> Study:
+    """Read a study file.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is not TOML, for what a study file may not say, and for a case whose config
+        `deli.config.parse` or `deli.simulate` refuses. Nothing has been computed then.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        found = tomllib.loads(text)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} cannot be read: {error}.") from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path} is not valid TOML: {error}.") from error
+    try:
+        return make_study(found, path.parent, text, path.stem)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def make_study(found: Mapping[str, Any], folder: Path, text: str = "", name: str = "study") -> Study:
+    """Check a study's table and make its cases; `folder` is where the base's path starts.
+
+    Raises
+    ------
+    InputError
+        See `load`.
+    """
+    table = check_table(found)
+    base, dimensions = _base(table.base, folder), dimensions_of(table)
+    change = dict(table.reference or {})
+    exact = change.pop("exact", False)
+    if not isinstance(exact, bool) or (exact and change):
+        raise InputError(f"reference is {table.reference!r}; allowed: exact = true, or changes of the config.")
+    cases, references = [], {}
+    for labels, changes in _combinations(dimensions, table):
+        settings = _changed(expand(base), changes, labels)
+        case = _case(settings, labels)
+        cases.append(case)
+        if exact:
+            require_exact(case.config["scene"]["name"])
+        if change:
+            references[case.digest] = _reference(settings, change, case)
+    if not cases:
+        raise InputError("exclude leaves no case.")
+    return Study(table.title or name, text, dimensions, tuple(cases), references, exact, table.limits, table.workers)
+
+
+def digest_of(settings: Mapping[str, Any]) -> str:
+    """Name a config by its content, whatever the order of its keys; 1 and 1.0 are one number."""
+    text = json.dumps(_canonical(settings), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]
+
+
+def _canonical(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _canonical(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_canonical(entry) for entry in value]
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def _base(found: str | dict[str, Any], folder: Path) -> dict[str, Any]:
+    if not isinstance(found, str):
+        return expand(found)
+    path = folder / found
+    try:
+        return expand(tomllib.loads(path.read_text(encoding="utf-8")))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"base: {path} cannot be read: {error}.") from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"base: {path} is not valid TOML: {error}.") from error
+
+
+def _combinations(
+    dimensions: tuple[Dimension, ...], table: StudyTable
+) -> Iterator[tuple[dict[str, Label], dict[str, Any]]]:
+    """Labels and changes of the combinations that are not excluded."""
+    excluded = [_exclusion(f"exclude.{index}", entry, dimensions) for index, entry in enumerate(table.exclude)]
+    for index in itertools.product(*(range(len(dimension.positions)) for dimension in dimensions)):
+        if any(all(index[axis] in places for axis, places in rule.items()) for rule in excluded):
+            continue
+        chosen = [dimension.positions[place] for dimension, place in zip(dimensions, index, strict=True)]
+        labels = {dimension.name: position.label for dimension, position in zip(dimensions, chosen, strict=True)}
+        yield labels, {key: value for position in chosen for key, value in position.changes.items()}
+
+
+def _changed(settings: dict[str, Any], changes: Mapping[str, Any], labels: Mapping[str, Label]) -> dict[str, Any]:
+    try:
+        for key in sorted(changes, key=lambda key: key.count(".")):  # whole tables before their keys
+            assign(settings, key, changes[key])
+    except InputError as error:
+        raise InputError(f"{_place(labels)}: {error}") from error
+    return settings
+
+
+def _place(labels: Mapping[str, Label]) -> str:
+    return f"case {title_of(labels)}" if labels else "reference"
+
+
+def _case(settings: Mapping[str, Any], labels: Mapping[str, Label]) -> Case:
+    try:
+        complete = config.parse(settings).plan().config()
+    except InputError as error:
+        raise InputError(f"{_place(labels)}: {error}") from error
+    return Case(labels, complete, digest_of(complete))
+
+
+def _reference(settings: Mapping[str, Any], change: Mapping[str, Any], case: Case) -> Case:
+    """The run that a case is compared with; it lasts as long where only its step size is another."""
+    length = case.config["steps"] * case.config["step_size"]
+    copy = expand(settings)
+    if "steps" in copy and "step_size" in change:
+        copy["duration"] = copy.pop("steps") * case.config["step_size"]
+    reference = _case(_changed(copy, change, {}), {})
+    end = reference.config["steps"] * reference.config["step_size"]
+    if end < length * (1.0 - 1e-9):
+        raise InputError(
+            f"reference: it ends at time {end:.9g}, the case {case.title} at {length:.9g}; let it last as long."
+        )
+    return reference
+
+
+def _exclusion(path: str, entry: Mapping[str, Any], dimensions: tuple[Dimension, ...]) -> dict[int, set[int]]:
+    """Positions by number of the dimension that an entry of ``[[exclude]]`` matches."""
+    rule: dict[int, set[int]] = {}
+    for key, wanted in leaves(entry):
+        owners = [axis for axis, dimension in enumerate(dimensions) if key == dimension.name or key in dimension.keys]
+        if not owners:
+            allowed = [name for dimension in dimensions for name in (dimension.name, *dimension.keys)]
+            raise InputError(unknown(f"{path} key", key, dict.fromkeys(allowed)))
+        places = dimensions[owners[0]].matching(key, wanted)
+        if not places:
+            labels = [str(position.label) for position in dimensions[owners[0]].positions]
+            raise InputError(unknown(f"{path}.{key}", wanted, labels))
+        rule[owners[0]] = rule.get(owners[0], places) & places
+    if not rule:
+        raise InputError(f"{path} is empty and would exclude everything; name an axis.")
+    return rule

@@ -1,0 +1,49 @@
+"""What lies where in a study's folder, and how it gets there."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from deli.errors import InputError
+
+MANIFEST, CASES = "manifest.json", "cases"
+
+
+def run_path(folder: Path, digest: str) -> Path:
+    """Return the file of a case's run."""
+    return folder / CASES / f"{digest}.nc"
+
+
+def config_path(run: Path) -> Path:
+    """Return the config beside a run, to run it alone."""
+    return run.with_suffix(".toml")
+
+
+def metrics_path(run: Path) -> Path:
+    """Return the file of a run's metrics."""
+    return run.with_suffix(".json")
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a file that is there as a whole or not at all."""
+    fresh = path.with_name(f"{path.name}.{os.getpid()}.new")
+    with fresh.open("w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(fresh, path)
+
+
+def read_json(path: Path) -> Any:
+    """Read a JSON file that deli wrote.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read: {error}.") from error

@@ -1,0 +1,99 @@
+"""What a study's folder knows of its cases: ``manifest.json``, written as a whole."""
+
+import json
+import os
+import platform
+import time
+from pathlib import Path
+from typing import Any
+
+from deli.errors import InputError
+from deli.recording.provenance import now, version
+from deli.studies.expansion import Study
+from deli.studies.layout import MANIFEST, read_json, write_whole
+from deli.studies.states import RUNNING, WAITING
+
+FORMAT = 1
+SECONDS_BETWEEN_WRITES = 0.5
+
+Record = dict[str, Any]
+"""Of one run: state, reason, steps, seconds, and where it ended: versions, machine, load."""
+
+
+class Manifest:
+    """The manifest of a study that runs.
+
+    Attributes
+    ----------
+    runs : dict
+        `Record` by digest.
+    """
+
+    def __init__(
+        self, folder: Path, study: Study, earlier: dict[str, Any] | None, session: dict[str, Any] | None
+    ) -> None:
+        self._path, self._written = folder / MANIFEST, 0.0
+        records = {} if earlier is None else earlier["runs"]
+        fresh = {"state": WAITING, "reason": "", "seconds": 0.0}
+        self.runs: dict[str, Record] = {
+            digest: {**records.get(digest, fresh), "steps": case.steps} for digest, case in study.runs.items()
+        }
+        self._sessions: list[dict[str, Any]] = [] if earlier is None else earlier["sessions"]
+        if session is not None:
+            self._sessions.append({**_circumstances(), **session})
+        self._rest = {
+            "format": FORMAT,
+            "title": study.title,
+            "study": study.text,
+            "limits": study.limits.model_dump(),
+            "sessions": self._sessions,
+            "dimensions": [
+                {
+                    "name": dimension.name,
+                    "keys": list(dimension.keys),
+                    "positions": [{"label": each.label, "changes": dict(each.changes)} for each in dimension.positions],
+                }
+                for dimension in study.dimensions
+            ],
+            "cases": [{"labels": dict(case.labels), "digest": case.digest} for case in study.cases],
+            "references": {digest: reference.digest for digest, reference in study.references.items()},
+        }
+
+    def set(self, digest: str, **changes: Any) -> None:
+        """Change a run's record, and write the manifest if it is time to."""
+        self.runs[digest] |= changes
+        if changes.get("state") != RUNNING or time.monotonic() - self._written > SECONDS_BETWEEN_WRITES:
+            self.write()
+
+    def write(self) -> None:
+        """Write the manifest."""
+        if self._sessions:
+            self._sessions[-1]["end"] = now()
+        write_whole(self._path, json.dumps({**self._rest, "runs": self.runs}, indent=1))
+        self._written = time.monotonic()
+
+
+def _circumstances() -> dict[str, Any]:
+    return {
+        "start": now(),
+        "machine": f"{platform.node()}, {platform.platform()}, {os.cpu_count()} CPUs",
+        "load": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+        "deli_version": version("deli"),
+    }
+
+
+def read_manifest(folder: Path) -> dict[str, Any] | None:
+    """Read a folder's manifest, or return None where there is none.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is of another version of deli.
+    """
+    path = folder / MANIFEST
+    if not path.exists():
+        return None
+    found = read_json(path)
+    if not isinstance(found, dict) or found.get("format") != FORMAT:
+        raise InputError(f"{path} is no manifest of format {FORMAT}; name another folder.")
+    return found

@@ -1,0 +1,81 @@
+"""The metrics of a case's run, kept beside it."""
+
+import functools
+import hashlib
+import inspect
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import xarray as xr
+
+from deli import metrics
+from deli.errors import InputError
+from deli.recording.reading import read
+from deli.recording.schema import build_tree
+from deli.studies import exact
+from deli.studies.layout import metrics_path, read_json, write_whole
+
+EXACT = "exact"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What stands beside a run.
+
+    Attributes
+    ----------
+    definition : str
+        Names what the metrics were computed by.
+    reference : str or None
+        Digest of the run it was compared with, or ``exact``.
+    metrics : dict
+    note : str
+        Why there is no trajectory error, where one was wanted.
+    """
+
+    definition: str
+    reference: str | None
+    metrics: Mapping[str, float]
+    note: str = ""
+
+
+@functools.cache
+def definition() -> str:
+    """Name the present definition of the metrics."""
+    sources = inspect.getsource(metrics) + inspect.getsource(exact)
+    return hashlib.sha256(sources.encode()).hexdigest()[:16]
+
+
+def measured(run: Path) -> Measured | None:
+    """Read what stands beside a run, or None where nothing does."""
+    path = metrics_path(run)
+    return Measured(**read_json(path)) if path.exists() else None
+
+
+def measure(path: Path, run: xr.DataTree, reference: str | None) -> Measured:
+    """Measure a run against what `reference` names, and write that beside it."""
+    against, note = _reference(path, run, reference)
+    try:
+        found = metrics.measure(run, against)
+    except InputError as error:
+        note, found = str(error), metrics.measure(run)
+    values = {str(name): float(value) for name, value in found.data_vars.items()}
+    result = Measured(definition(), reference, values, note)
+    write_whole(metrics_path(path), json.dumps(asdict(result), indent=1))
+    return result
+
+
+def _reference(path: Path, run: xr.DataTree, reference: str | None) -> tuple[xr.DataTree | None, str]:
+    if reference is None:
+        return None, ""
+    if reference == EXACT:
+        return exact.exact_run(run), ""
+    file = path.with_name(f"{reference}.nc")
+    if not file.exists():
+        return None, f"the reference {reference} did not finish"
+    groups, attributes = read(file)
+    if attributes["outcome"] != "complete":
+        return None, f"the reference {reference}: {attributes['outcome']}"
+    return build_tree(groups, attributes), ""

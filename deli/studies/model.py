@@ -1,0 +1,120 @@
+"""What a study file may say, as pydantic models."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, ByteSize, Field, TypeAdapter, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
+
+from deli.config.models import Table, refuse_nan, say
+from deli.errors import InputError
+
+AXIS_KEYS = {"values", "count"}
+Name = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$")]
+
+
+class AxisTable(Table):
+    """Values of one config key, ``count = n`` for 0, 1, ... n - 1 (seeds), and the dimension's name if not derived."""
+
+    values: Annotated[list[Any], Field(min_length=1)] | None = None
+    count: int | None = Field(default=None, ge=1)
+    name: Name | None = None
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> "AxisTable":
+        if (self.values is None) == (self.count is None):
+            raise PydanticCustomError("axis", "give exactly one of values = [...] and count = n")
+        return self
+
+    @property
+    def entries(self) -> list[Any]:
+        """The values."""
+        return list(range(self.count)) if self.count is not None else list(self.values or ())
+
+
+class ZipTable(Table):
+    """Config keys that vary together along one dimension: lists of one length, and a label for each position."""
+
+    name: Name
+    values: dict[str, Any]
+    labels: list[str] | None = None
+
+
+def _memory(value: Any) -> Any:
+    if value is None or isinstance(value, bool):
+        raise PydanticCustomError("memory", 'allowed: a size such as "2 GB" or "500 MiB", or a number of bytes')
+    try:
+        size = int(TypeAdapter(ByteSize).validate_python(value))
+    except ValidationError:
+        size = 0
+    if size < 1:
+        raise PydanticCustomError("memory", 'allowed: a size such as "2 GB" or "500 MiB", or a number of bytes')
+    return size
+
+
+class LimitsTable(Table):
+    """What one case may take: seconds, and memory of its process (deli's own 300 MB or so included)."""
+
+    time: float | None = Field(default=None, gt=0)
+    memory: Annotated[int, BeforeValidator(_memory)] | None = None
+
+
+class StudyTable(Table):
+    """Everything in a study file.
+
+    `base` is a config (a table, or a file's path relative to the study file). `axes` are multiplied, and so are `zip`,
+    each of which is one dimension, and `cases`, a list of changes by hand. What matches an entry of `exclude` is left
+    out. `reference` changes a case's config into that of the run it is compared with; ``{exact = true}`` compares with
+    the scene's closed form.
+    """
+
+    title: str = ""
+    base: str | dict[str, Any]
+    axes: dict[str, Any] = Field(default_factory=dict)
+    zip: list[ZipTable] = Field(default_factory=list)
+    cases: list[dict[str, Any]] = Field(default_factory=list)
+    exclude: list[dict[str, Any]] = Field(default_factory=list)
+    reference: dict[str, Any] | None = None
+    limits: LimitsTable = Field(default_factory=LimitsTable)
+    workers: int | None = Field(default=None, ge=1)
+
+
+def check_table(found: Mapping[str, Any]) -> StudyTable:
+    """Check a study's table.
+
+    Raises
+    ------
+    InputError
+        Naming the key's path, what was found and what is allowed.
+    """
+    refuse_nan(found)
+    try:
+        return StudyTable.model_validate(found)
+    except ValidationError as error:
+        raise InputError("; ".join(say(entry, StudyTable) for entry in error.errors())) from error
+
+
+def check_axis(key: str, found: Any) -> AxisTable:
+    """Check one entry of ``[axes]``: a list of values, or a table of its own.
+
+    Raises
+    ------
+    InputError
+        See `check_table`.
+    """
+    if not isinstance(found, list | Mapping):
+        raise InputError(f"axes.{key} is {found!r}; allowed: a list of values, or a table such as {{ count = 20 }}.")
+    try:
+        return AxisTable.model_validate({"values": found} if isinstance(found, list) else found)
+    except ValidationError as error:
+        entries = [{**entry, "loc": ("axes", key, *entry["loc"])} for entry in error.errors()]
+        raise InputError("; ".join(_said(entry) for entry in entries)) from error
+
+
+def _said(entry: Any) -> str:
+    path, message = ".".join(map(str, entry["loc"])), entry["msg"]
+    if entry["type"] == "extra_forbidden":
+        return f"{path} is an unknown key; allowed: {', '.join(AxisTable.model_fields)}."
+    if entry["type"] == "axis":
+        return f"{path}: {message}."
+    return f"{path} is {entry['input']!r}; allowed: {message.removeprefix('Input should be ')}."

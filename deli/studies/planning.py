@@ -1,0 +1,147 @@
+"""What of a study is to be done, and why."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import netCDF4
+
+from deli.errors import InputError
+from deli.recording.netcdf import LIBRARY, attributes_of
+from deli.recording.paths import partial_path
+from deli.recording.provenance import NONE_USED, backend_version, flatten, version
+from deli.studies.expansion import Case, Study
+from deli.studies.layout import config_path, run_path
+from deli.studies.measuring import EXACT, definition, measured
+from deli.studies.states import DONE, FAILED, FAILURES, INTERRUPTED, WAITING
+
+KEEP, MEASURE, RUN = "keep", "measure", "run"
+RETRY = "--retry-failed"
+SHOWN_CHANGES = 3
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What is to be done with one run.
+
+    Attributes
+    ----------
+    case : Case
+    action : str
+        ``keep``, ``measure`` what is recorded, or ``run``.
+    why : str
+    fresh : bool
+        Whether to start anew rather than to continue what is recorded.
+    record : dict
+        What the manifest is to say of it until then.
+    """
+
+    case: Case
+    action: str
+    why: str
+    fresh: bool = False
+    record: Mapping[str, Any] | None = None
+
+
+def decide(study: Study, folder: Path, earlier: Mapping[str, Any] | None, retry: bool) -> list[Decision]:
+    """Decide for every run of a study, references first."""
+    records = {} if earlier is None else earlier["runs"]
+    before = {} if earlier is None else {_place(entry["labels"]): entry["digest"] for entry in earlier["cases"]}
+    found = []
+    for digest, case in study.runs.items():
+        decision = _of_run(case, run_path(folder, digest), records.get(digest, {}), retry)
+        if decision.why == _MISSING and case.labels:
+            old = before.get(_place(case.labels))
+            decision = Decision(case, RUN, _changes(case, folder, old) if old not in (None, digest) else _MISSING)
+        found.append(decision)
+    again = {decision.case.digest for decision in found if decision.action == RUN}
+    return [_remeasured(decision, study, folder, again) for decision in found]
+
+
+def reference_of(study: Study, case: Case) -> str | None:
+    """Name what a case is compared with, see `deli.studies.measuring.Measured`."""
+    if study.exact:
+        return EXACT
+    reference = study.references.get(case.digest)
+    return None if reference is None or reference.digest == case.digest else reference.digest
+
+
+_MISSING = "missing"
+
+
+def _of_run(case: Case, file: Path, record: Mapping[str, Any], retry: bool) -> Decision:
+    state = record.get("state")
+    if file.exists():
+        known = record if state in (DONE, FAILED) and "outcome" in record else _attributes(file)
+        newer = _newer_versions(known["deli_version"], known["backend_versions"])
+        if newer:
+            return Decision(case, RUN, newer, fresh=True)
+        kept = {key: known[key] for key in ("outcome", "deli_version", "backend_versions", "machine")}
+        if known["outcome"] == "complete":
+            return Decision(case, KEEP, "done", record={**kept, "state": DONE, "reason": ""})
+        if retry:
+            return Decision(case, RUN, f"failed before, {RETRY}", fresh=True)
+        return Decision(case, KEEP, FAILED, record={**kept, "state": FAILED, "reason": known["outcome"]})
+    begun = partial_path(file).exists()
+    if state in FAILURES:
+        if retry:
+            return Decision(case, RUN, f"{state} before, {RETRY}", fresh=state == FAILED, record={"seconds": 0.0})
+        return Decision(case, KEEP, str(state))
+    if not begun:
+        return Decision(case, RUN, _MISSING, record={"state": WAITING, "reason": "", "seconds": 0.0})
+    newer = _newer_versions(_attributes(partial_path(file))["deli_version"], NONE_USED)
+    return Decision(case, RUN, newer or "unfinished", fresh=bool(newer), record={"state": INTERRUPTED})
+
+
+def _remeasured(decision: Decision, study: Study, folder: Path, again: set[str]) -> Decision:
+    """Measure what is recorded where its metrics are missing, defined otherwise, or about another reference."""
+    if decision.action != KEEP or (decision.record or {}).get("state") != DONE:
+        return decision
+    found, reference = measured(run_path(folder, decision.case.digest)), reference_of(study, decision.case)
+    why = ""
+    if found is None:
+        why = "not measured yet"
+    elif found.definition != definition():
+        why = "metrics are defined otherwise now"
+    elif found.reference != reference:
+        why = "the reference is another"
+    elif reference in again:
+        why = "the reference runs again"
+    return Decision(decision.case, MEASURE, why, record=decision.record) if why else decision
+
+
+def _attributes(file: Path) -> dict[str, Any]:
+    try:
+        with LIBRARY, netCDF4.Dataset(file) as dataset:
+            return attributes_of(dataset)
+    except OSError as error:
+        raise InputError(f"{file} cannot be read ({error}); remove it, or let its run end.") from error
+
+
+def _newer_versions(deli: str, backends: str) -> str:
+    """Say which of deli and the backends that a run used are of another version now."""
+    recorded = {"deli": deli}
+    if backends != NONE_USED:
+        recorded |= dict(entry.split(" ", 1) for entry in backends.split(", "))
+    present = {name: version("deli") if name == "deli" else backend_version(name) for name in recorded}
+    return "; ".join(
+        f"{name} was {recorded[name]} and is {present[name]}" for name in recorded if recorded[name] != present[name]
+    )
+
+
+def _changes(case: Case, folder: Path, old: str | None) -> str:
+    """Say what is different from the config that stood in a case's place."""
+    path = config_path(run_path(folder, str(old)))
+    if not path.exists():
+        return "config changed"
+    before, after = flatten(tomllib.loads(path.read_text(encoding="utf-8"))), flatten(case.config)
+    keys = [key for key in before | after if before.get(key) != after.get(key)]
+    said = [f"{key} was {before.get(key, 'absent')!r} and is {after.get(key, 'absent')!r}" for key in keys]
+    more = [f"{len(said) - SHOWN_CHANGES} more"] if len(said) > SHOWN_CHANGES else []
+    return f"config changed: {', '.join([*said[:SHOWN_CHANGES], *more])}"
+
+
+def _place(labels: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
+    return tuple(sorted(labels.items()))

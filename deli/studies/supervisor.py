@@ -1,0 +1,179 @@
+"""One worker process seen from outside: it is given cases, watched, and killed where it exceeds its limits."""
+
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import psutil
+
+from deli.studies.model import LimitsTable
+from deli.studies.states import FAILED, INTERRUPTED, KILLED, OUT_OF_MEMORY, TIMED_OUT
+from deli.studies.worker import Order, line_of
+
+POLL_SECONDS = 0.05
+GRACE_SECONDS = 10.0
+"""How long a worker may take to end its step and write its rows."""
+SWOLLEN = 0.1
+"""Part of the memory limit that a worker may keep from earlier cases."""
+
+_CODE = "import sys; sys.path[:] = {path!r}; from deli.studies.worker import main; main()"
+_THREADS = ("OMP", "OPENBLAS", "MKL", "NUMBA", "RAYON", "VECLIB", "NUMEXPR")
+
+Ended = dict[str, Any]
+"""How a case ended: state, reason, seconds, and what the worker tells of the run."""
+
+
+class Supervisor:
+    """Runs cases in a process of its own, which is replaced where it dies."""
+
+    def __init__(self, limits: LimitsTable) -> None:
+        self._limits = limits
+        self._process: subprocess.Popen[str] | None = None
+
+    def run(self, order: Order, report: Callable[[int], None], stopped: Callable[[], bool]) -> Ended:
+        """Run one case; tell `report` the step it is at, and interrupt it as soon as `stopped` says so."""
+        if self._process is None or self._process.poll() is not None or self._swollen(self._process):
+            self.close()
+            self._start()
+        process, began = self._process, time.monotonic()
+        assert process is not None
+        ended = self._await_ready(process, stopped)
+        if ended is None:
+            began = time.monotonic()
+            ended = self._watch(process, order, began, report, stopped)
+        seconds = order.spent + time.monotonic() - began
+        return {**ended, "seconds": seconds, "load": os.getloadavg()[0] if hasattr(os, "getloadavg") else None}
+
+    def close(self) -> None:
+        """End the process."""
+        if self._process is None:
+            return
+        process, self._process = self._process, None
+        assert process.stdin is not None
+        with suppress(BrokenPipeError):
+            process.stdin.close()
+        try:
+            process.wait(GRACE_SECONDS)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        self._reader.join()
+        assert process.stdout is not None
+        process.stdout.close()
+        self._errors.close()
+
+    def _start(self) -> None:
+        self._errors = tempfile.TemporaryFile(mode="w+", encoding="utf-8", errors="replace")  # noqa: SIM115
+        self._answers: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", _CODE.format(path=sys.path)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            text=True,
+            env={**os.environ, **{f"{library}_NUM_THREADS": "1" for library in _THREADS}},
+            start_new_session=True,  # a terminal's Ctrl-C reaches whoever supervises, and no worker past them
+        )
+        self._reader = threading.Thread(target=self._read, args=(self._process,), daemon=True)
+        self._reader.start()
+        self._ready, self._resident = False, 0
+
+    def _swollen(self, process: "subprocess.Popen[str]") -> bool:
+        """Whether earlier cases have left it memory that would count against the next one's limit."""
+        limit = self._limits.memory
+        return limit is not None and _memory(process.pid) - self._resident > SWOLLEN * limit
+
+    def _read(self, process: "subprocess.Popen[str]") -> None:
+        assert process.stdout is not None
+        for line in process.stdout:
+            self._answers.put(json.loads(line))
+        self._answers.put(None)
+
+    def _next(self) -> dict[str, Any] | None:
+        """Return the next answer, {} if there is none yet, None if there will be none."""
+        try:
+            return self._answers.get(timeout=POLL_SECONDS)
+        except queue.Empty:
+            return {}
+
+    def _await_ready(self, process: "subprocess.Popen[str]", stopped: Callable[[], bool]) -> Ended | None:
+        while not self._ready:
+            answer = self._next()
+            if answer is None:
+                return {"state": FAILED, "reason": f"the worker did not start: {self._died(process)}"}
+            if stopped():
+                return {"state": INTERRUPTED, "reason": "before it began"}
+            self._ready = "ready" in answer
+            self._resident = _memory(process.pid)
+        return None
+
+    def _watch(
+        self,
+        process: "subprocess.Popen[str]",
+        order: Order,
+        began: float,
+        report: Callable[[int], None],
+        stopped: Callable[[], bool],
+    ) -> Ended:
+        assert process.stdin is not None
+        try:
+            process.stdin.write(line_of(order))
+            process.stdin.flush()
+        except BrokenPipeError:
+            return {"state": KILLED, "reason": self._died(process)}
+        limits, cause, give_up, peak = self._limits, None, float("inf"), 0
+        while True:
+            answer = self._next()
+            peak = max(peak, _memory(process.pid))
+            if answer is None or "ended" in answer:
+                ended = {"state": KILLED, "reason": self._died(process)} if answer is None else answer["ended"]
+                if cause is not None:
+                    self.close()  # a signal may be on its way to it still
+                    ended |= cause if ended["state"] in (KILLED, INTERRUPTED) else {}
+                return {**ended, "memory": peak}
+            if "step" in answer:
+                report(answer["step"])
+            now = time.monotonic()
+            if cause is None:
+                if limits.memory is not None and peak > limits.memory:
+                    cause = {
+                        "state": OUT_OF_MEMORY,
+                        "reason": f"{peak / 1e6:.0f} MB, limit {limits.memory / 1e6:.0f} MB",
+                    }
+                    process.kill()
+                elif limits.time is not None and order.spent + now - began > limits.time:
+                    cause = {"state": TIMED_OUT, "reason": f"limit {limits.time:g} s"}
+                elif stopped():
+                    cause = {"state": INTERRUPTED, "reason": ""}
+                if cause is not None:
+                    process.terminate()
+                    give_up = now + GRACE_SECONDS
+            elif now > give_up:
+                process.kill()
+
+    def _died(self, process: "subprocess.Popen[str]") -> str:
+        code = process.wait()
+        self._errors.seek(0)
+        said = self._errors.read().strip().splitlines()[-1:]
+        try:
+            how = f"by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
+        except ValueError:
+            how = f"by signal {-code}"
+        return ": ".join([how, *said])
+
+
+def _memory(pid: int) -> int:
+    """Return the resident memory of a process in bytes, 0 if it is gone."""
+    try:
+        return int(psutil.Process(pid).memory_info().rss)
+    except psutil.Error:
+        return 0

@@ -1,0 +1,138 @@
+"""The process that runs cases, one after another: orders come as lines of JSON, and so do its answers go.
+
+It ends when nobody gives it orders any more; a run under way is then stopped after a step, its rows kept.
+"""
+
+import json
+import os
+import queue
+import signal
+import sys
+import threading
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, TextIO
+
+REPORT_SECONDS = 0.25
+PATIENCE_SECONDS, RETRY_SECONDS = 20.0, 0.1
+
+
+@dataclass(frozen=True)
+class Order:
+    """A case to run.
+
+    Attributes
+    ----------
+    digest, file : str
+        Its name, and where to record it.
+    config : dict
+    reference : str or None
+        What to measure it against: the digest of a case, or ``exact``.
+    fresh : bool
+        Whether to drop what is recorded; else it is continued, or only measured where it is whole.
+    spent : float
+        Seconds it took before it was interrupted.
+    """
+
+    digest: str
+    file: str
+    config: dict[str, Any]
+    reference: str | None
+    fresh: bool
+    spent: float = 0.0
+
+
+def main() -> None:
+    """Carry out orders from standard input until it ends."""
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", buffering=1, encoding="utf-8")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what libraries print is no answer
+    orders: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+    busy = threading.Event()
+    threading.Thread(target=_listen, args=(orders, busy), daemon=True).start()
+    try:
+        _prepare()
+        _say(answers, ready=True)
+        while (line := orders.get()) is not None:
+            busy.set()
+            _say(answers, ended=_carry_out(Order(**json.loads(line)), answers))
+            busy.clear()
+    except BrokenPipeError:  # nobody listens any more
+        os._exit(1)
+
+
+def _listen(orders: "queue.SimpleQueue[str | None]", busy: threading.Event) -> None:
+    for line in sys.stdin:
+        orders.put(line)
+    orders.put(None)
+    if busy.is_set():
+        os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _prepare() -> None:
+    """Import and compile once what all runs need."""
+    import deli.config
+    import deli.simulation
+    import deli.studies.measuring  # noqa: F401
+    from deli.kernels.build import ready
+
+    ready()
+
+
+def _carry_out(order: Order, answers: TextIO) -> dict[str, Any]:
+    """Run a case and measure it; return how it ended."""
+    from deli.running.interrupts import Interrupted
+    from deli.studies.states import DONE, FAILED, INTERRUPTED, OUT_OF_MEMORY
+
+    began = time.monotonic()
+
+    def report(step: int) -> None:
+        nonlocal began
+        if time.monotonic() - began > REPORT_SECONDS:
+            began = time.monotonic()
+            _say(answers, step=step)
+
+    try:
+        attributes = _run(order, report)
+    except Interrupted as stopped:
+        return {"state": INTERRUPTED, "reason": stopped.run.attrs["outcome"]}
+    except MemoryError as error:
+        return {"state": OUT_OF_MEMORY, "reason": str(error) or "the system refused more memory"}
+    except Exception as error:  # whatever it is, it is this case's end and no other's
+        return {"state": FAILED, "reason": f"{type(error).__name__}: {error}"}
+    outcome = attributes["outcome"]
+    state, reason = (DONE, "") if outcome == "complete" else (FAILED, outcome)
+    return {"state": state, "reason": reason, **attributes}
+
+
+def _run(order: Order, report: Any) -> dict[str, str]:
+    import tomli_w
+
+    from deli.config import parse
+    from deli.recording.netcdf import Busy
+    from deli.simulation import run_plan
+    from deli.studies.layout import config_path, write_whole
+    from deli.studies.measuring import measure
+
+    path = Path(order.file)
+    write_whole(config_path(path), tomli_w.dumps(order.config))
+    deadline = time.monotonic() + PATIENCE_SECONDS
+    while True:
+        try:
+            run = run_plan(parse(order.config).plan(path, resume=not order.fresh, overwrite=order.fresh), report)
+            break
+        except Busy:  # a worker whose scheduler died may still be at its last rows
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(RETRY_SECONDS)
+    measure(path, run, order.reference)
+    return {key: run.attrs[key] for key in ("outcome", "deli_version", "backend_versions", "machine")}
+
+
+def _say(answers: TextIO, **message: Any) -> None:
+    answers.write(json.dumps(message) + "\n")
+
+
+def line_of(order: Order) -> str:
+    """Return an order as a line."""
+    return json.dumps(asdict(order)) + "\n"
