@@ -10,7 +10,7 @@ from deli.commands.check import check
 from deli.commands.figures import figures
 from deli.commands.listing import backends, methods, scenes
 from deli.commands.plot import plot
-from deli.commands.replay import replay
+for command in (run, study, report, plot, animate, replay, figures, check, scenes, methods, backends, bench):
 from deli.commands.run import run
 from deli.commands.study import study
 
@@ -21,7 +21,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (run, study, plot, animate, replay, figures, check, scenes, methods, backends, bench):
+for command in (run, study, report, plot, animate, replay, figures, check, scenes, methods, backends, bench):
     app.command()(command)
 
 

@@ -16,7 +16,6 @@ from deli.plotting.style import STYLE, new_figure
 from deli.recording.schema import TRAJECTORY, dataset_of
 
 MARKERS = "osD^vPX*"
-COMPLETE = "complete"
 FLOOR = 1e-17  # where zeros are drawn on a logarithmic axis
 
 
@@ -198,7 +197,7 @@ def _word(entry: Any) -> str:
 
 
 def _complete(data: xr.Dataset) -> xr.DataArray:
-    return data["outcome"] == COMPLETE
+    return data["outcome"] == "done"
 
 
 def _finished(data: xr.Dataset, x: str, y: str) -> tuple[np.ndarray, np.ndarray]:

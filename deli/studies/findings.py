@@ -6,7 +6,9 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-COMPLETE, SCENE = "complete", "scene"
+from deli.studies.states import DONE, EXCLUDED
+
+SCENE = "scene"
 SAME = 1.05  # cases within five per cent of each other count as equal
 LOST = 0.99  # of the smooth contacts at the tightest tolerance, below which a contact counts as lost
 CERTAIN = 4.0  # standard errors from which on a drift is told
@@ -14,7 +16,7 @@ LAW = 0.98  # squared correlation of logarithms from which on a power law is nam
 WIDE = 0.1  # part of the energy band that a drift must make up to matter
 
 
-def findings(metrics: xr.Dataset) -> list[str]:
+def findings(study: xr.Dataset) -> list[str]:
     """Sentences about outcomes, time, energy, contacts and solvers of a study.
 
     Comparisons along an axis are over matched cases: those that differ in nothing else, and of which all are complete.
@@ -22,43 +24,47 @@ def findings(metrics: xr.Dataset) -> list[str]:
 
     Parameters
     ----------
-    metrics : xarray.Dataset
-        Metrics and ``outcome`` on the axes of the study.
+    study : xarray.Dataset
+        From `deli.open_study`.
 
     Returns
     -------
     list of str
     """
-    told = [*_outcomes(metrics)]
-    axes = [str(name) for name in metrics["outcome"].dims if metrics.sizes[name] > 1 and name != SCENE]
+    told = [*_outcomes(study)]
+    axes = [str(name) for name in study["outcome"].dims if study.sizes[name] > 1 and name != SCENE]
     for axis in axes:
-        told += _times(metrics, axis)
+        told += _times(study, axis)
     for axis in axes:
-        told += _bands(metrics, axis)
+        told += _bands(study, axis)
     for axis in axes:
-        told += _contacts(metrics, axis)
-    return [*told, *_drifts(metrics), *_violations(metrics), *_claims(metrics)]
+        told += _contacts(study, axis)
+    return [*told, *_drifts(study), *_violations(study), *_claims(study)]
 
 
-def _outcomes(metrics: xr.Dataset) -> Iterator[str]:
-    outcomes = [str(outcome) for outcome in metrics["outcome"].values.ravel() if str(outcome)]
-    complete = outcomes.count(COMPLETE)
-    if complete == len(outcomes):
-        yield f"All {complete:,} cases ended."
+def _outcomes(study: xr.Dataset) -> Iterator[str]:
+    stated = study["outcome"].values.ravel().tolist()
+    outcomes = [outcome for outcome in stated if outcome != EXCLUDED]
+    done = outcomes.count(DONE)
+    if done == len(outcomes):
+        yield f"All {done:,} cases ended."
         return
-    kinds = Counter(_kind(outcome) for outcome in outcomes if outcome != COMPLETE)
-    reasons = "; ".join(f"{count:,} times {kind}" for kind, count in kinds.most_common(5))
-    yield f"{complete:,} of {len(outcomes):,} cases ended; others: {reasons}."
+    kinds = Counter(
+        f"{outcome} ({_cause(reason)})" if reason else outcome
+        for outcome, reason in zip(stated, study["reason"].values.ravel().tolist(), strict=True)
+        if outcome not in (DONE, EXCLUDED)
+    )
+    others = "; ".join(f"{count:,} {kind}" for kind, count in kinds.most_common(5))
+    yield f"{done:,} of {len(outcomes):,} cases ended; others: {others}."
 
 
-def _kind(outcome: str) -> str:
-    """The cause within an outcome, without the step and the numbers of one case."""
-    cause = outcome.split("): ", 1)[-1]
-    return cause.split(";")[0][:90]
+def _cause(reason: str) -> str:
+    """The cause within a reason, without the step and the advice."""
+    return reason.split("): ", 1)[-1].split(";")[0].removesuffix(".")[:90]
 
 
-def _times(metrics: xr.Dataset, axis: str) -> Iterator[str]:
-    means = _geometric(metrics, "wall_time", axis)
+def _times(study: xr.Dataset, axis: str) -> Iterator[str]:
+    means = _geometric(study, "wall_time", axis)
     if len(means) < 2:
         return
     (first, least), *others = sorted(means.items(), key=lambda entry: entry[1])
@@ -69,8 +75,8 @@ def _times(metrics: xr.Dataset, axis: str) -> Iterator[str]:
     yield f"Along {axis}, {first} takes the least time; times as much: {told}."
 
 
-def _bands(metrics: xr.Dataset, axis: str) -> Iterator[str]:
-    band = _matched(metrics, "energy_band", axis)
+def _bands(study: xr.Dataset, axis: str) -> Iterator[str]:
+    band = _matched(study, "energy_band", axis)
     if band is None:
         return
     positive = band.where(band > 0.0)
@@ -80,19 +86,19 @@ def _bands(metrics: xr.Dataset, axis: str) -> Iterator[str]:
     if ratio < SAME:
         yield f"The energy band does not depend on {axis} (within {100 * (SAME - 1):.0f} % in all matched cases)."
         return
-    means = _geometric(metrics, "energy_band", axis)
+    means = _geometric(study, "energy_band", axis)
     told = ", ".join(f"{label} {mean:.2e}" for label, mean in means.items())
-    order = _order(metrics[axis].values, np.array(list(means.values())))
+    order = _order(study[axis].values, np.array(list(means.values())))
     law = "" if order is None else f", about {axis}^{order:.2g}"
     yield f"Energy band by {axis} (geometric mean): {told}{law}."
 
 
-def _contacts(metrics: xr.Dataset, axis: str) -> Iterator[str]:
+def _contacts(study: xr.Dataset, axis: str) -> Iterator[str]:
     """Where a loose tolerance loses contacts that a tight one keeps."""
-    values = metrics[axis].values
+    values = study[axis].values
     if "tolerance" not in axis or not np.issubdtype(values.dtype, np.number):
         return
-    held = _matched(metrics, "smooth_contacts", axis)
+    held = _matched(study, "smooth_contacts", axis)
     if held is None:
         return
     tight = held.sel({axis: values.min()})
@@ -111,35 +117,35 @@ def _contacts(metrics: xr.Dataset, axis: str) -> Iterator[str]:
     yield f"Contacts are lost along {axis}: {told}."
 
 
-def _drifts(metrics: xr.Dataset) -> Iterator[str]:
-    complete = metrics["outcome"] == COMPLETE
-    drift, error = metrics["energy_drift"], metrics["energy_drift_error"]
+def _drifts(study: xr.Dataset) -> Iterator[str]:
+    complete = study["outcome"] == DONE
+    drift, error = study["energy_drift"], study["energy_drift_error"]
     known = complete & drift.notnull()
     if not known.any():
         return
-    over = abs(drift) * metrics["simulated_time"]
-    seen = known & (abs(drift) > CERTAIN * error) & (over > WIDE * metrics["energy_band"])
+    over = abs(drift) * study["simulated_time"]
+    seen = known & (abs(drift) > CERTAIN * error) & (over > WIDE * study["energy_band"])
     count, of = int(seen.sum()), int(known.sum())
     if not count:
         yield f"Energy drifts in none of {of:,} cases (beyond {CERTAIN:.0f} standard errors and a tenth of its band)."
         return
     where = over.where(seen).argmax(...)
-    place = ", ".join(f"{name} = {metrics[name].values[int(index)]}" for name, index in where.items())
+    place = ", ".join(f"{name} = {study[name].values[int(index)]}" for name, index in where.items())
     yield f"Energy drifts in {count:,} of {of:,} cases; most with {place}: {float(drift[where]):+.1e} a unit of time."
 
 
-def _violations(metrics: xr.Dataset) -> Iterator[str]:
-    worst = metrics["violation_worst"].where(metrics["outcome"] == COMPLETE)
+def _violations(study: xr.Dataset) -> Iterator[str]:
+    worst = study["violation_worst"].where(study["outcome"] == DONE)
     if not worst.notnull().any():
         return
     place = worst.argmax(...)
-    label = ", ".join(f"{name} = {metrics[name].values[int(index)]}" for name, index in place.items())
+    label = ", ".join(f"{name} = {study[name].values[int(index)]}" for name, index in place.items())
     yield f"The worst violation is {float(worst[place]):.1e}, with {label}."
 
 
-def _claims(metrics: xr.Dataset) -> Iterator[str]:
-    claimed, verified = metrics["claimed_solves"].fillna(0), metrics["verified_solves"].fillna(0)
-    total = int(metrics["solves"].sum())
+def _claims(study: xr.Dataset) -> Iterator[str]:
+    claimed, verified = study["claimed_solves"].fillna(0), study["verified_solves"].fillna(0)
+    total = int(study["solves"].sum())
     false = int((claimed - verified).clip(min=0).sum())
     unclaimed = int((verified - claimed).clip(min=0).sum())
     if total:
@@ -149,16 +155,16 @@ def _claims(metrics: xr.Dataset) -> Iterator[str]:
         )
 
 
-def _matched(metrics: xr.Dataset, name: str, axis: str) -> xr.DataArray | None:
+def _matched(study: xr.Dataset, name: str, axis: str) -> xr.DataArray | None:
     """The metric where all cases along an axis are complete, as an array with the other axes; None without any."""
-    complete = (metrics["outcome"] == COMPLETE).all(axis)
-    values = metrics[name].where(complete)
+    complete = (study["outcome"] == DONE).all(axis)
+    values = study[name].where(complete)
     return values if values.notnull().any() else None
 
 
-def _geometric(metrics: xr.Dataset, name: str, axis: str) -> dict[str, float]:
+def _geometric(study: xr.Dataset, name: str, axis: str) -> dict[str, float]:
     """Geometric mean of a metric over matched cases by label along an axis."""
-    values = _matched(metrics, name, axis)
+    values = _matched(study, name, axis)
     if values is None:
         return {}
     positive = values.where((values > 0.0).all(axis))
@@ -166,7 +172,7 @@ def _geometric(metrics: xr.Dataset, name: str, axis: str) -> dict[str, float]:
     means = xr.DataArray(np.log(positive)).mean(others)
     return {
         _word(label): float(np.exp(mean))
-        for label, mean in zip(metrics[axis].values, means.values, strict=True)
+        for label, mean in zip(study[axis].values, means.values, strict=True)
         if np.isfinite(mean)
     }
 

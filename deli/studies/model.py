@@ -8,6 +8,7 @@ from pydantic_core import PydanticCustomError
 
 from deli.config.models import Table, refuse_nan, say
 from deli.errors import InputError
+from deli.studies.plot_tables import Plot
 
 AXIS_KEYS = {"values", "count"}
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$")]
@@ -65,7 +66,7 @@ class StudyTable(Table):
     `base` is a config (a table, or a file's path relative to the study file). `axes` are multiplied, and so are `zip`,
     each of which is one dimension, and `cases`, a list of changes by hand. What matches an entry of `exclude` is left
     out. `reference` changes a case's config into that of the run it is compared with; ``{exact = true}`` compares with
-    the scene's closed form.
+    the scene's closed form. `plots` are those of the study's report.
     """
 
     title: str = ""
@@ -77,6 +78,7 @@ class StudyTable(Table):
     reference: dict[str, Any] | None = None
     limits: LimitsTable = Field(default_factory=LimitsTable)
     workers: int | None = Field(default=None, ge=1)
+    plots: list[Plot] = Field(default_factory=list)
 
 
 def check_table(found: Mapping[str, Any]) -> StudyTable:

@@ -3,19 +3,23 @@
 import base64
 import html
 import re
+import tomllib
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from markdown_it import MarkdownIt
+from pydantic import TypeAdapter
 
-from deli.studies.findings import COMPLETE, findings
-from deli.studies.plots import OpenCase, Plot, draw
+from deli.studies.findings import findings
+from deli.studies.plot_tables import Plot
+from deli.studies.plots import check_plots, draw, first_look
+from deli.studies.states import DONE, EXCLUDED
 
-PICTURES = "report"
+PICTURES, RAN = "report", ("machine", "workers", "deli_version")
 DPI = 110
 MOST_ROWS = 300
 COLUMNS = (
@@ -34,45 +38,38 @@ code { background: #f4f4f4; padding: 0 .2em; }
 """
 
 
-def write_report(
-    folder: Path,
-    title: str,
-    study: str,
-    metrics: xr.Dataset,
-    ran: Mapping[str, Any],
-    plots: list[Plot],
-    open_case: OpenCase,
-) -> tuple[Path, Path]:
-    """Write ``report.md`` with its pictures and ``report.html``, which holds everything, into a study's folder.
+def write_report(study: xr.Dataset) -> tuple[Path, Path]:
+    """Write ``report.md`` with its pictures, and ``report.html`` that holds everything, into a study's folder.
 
     Parameters
     ----------
-    folder : Path
-    title, study : str
-        The study's title, and its file's text.
-    metrics : xarray.Dataset
-        Metrics, ``outcome`` and ``file`` on the axes of the study.
-    ran : mapping
-        What ran where, in words.
-    plots : list of Plot
-    open_case : callable
-        Opens the run of a case, given its labels.
+    study : xarray.Dataset
+        From `deli.open_study`.
 
     Returns
     -------
     page, text : Path
+
+    Raises
+    ------
+    InputError
+        If the study's file asks for plots of what the study does not have.
     """
+    folder, title = Path(study.attrs["folder"]), study.attrs["title"]
+    asked = TypeAdapter(list[Plot]).validate_python(tomllib.loads(study.attrs["study"]).get("plots", []))
+    plots = asked or first_look(study)
+    check_plots(plots, study)
     pictures = folder / PICTURES
     pictures.mkdir(exist_ok=True)
-    blocks = [f"# {title}", "## What it found", _list(findings(metrics))]
+    blocks = [f"# {title}", "## What it found", _list(findings(study))]
     for number, plot in enumerate(plots):
         name = f"{number}-{plot.kind}.png"
-        draw(plot, metrics, open_case).savefig(pictures / name, dpi=DPI)
+        draw(plot, study).savefig(pictures / name, dpi=DPI)
         blocks += [f"## {plot.title}", f"![{plot.title}]({PICTURES}/{name})"]
-    blocks += ["## Cases", _cases(metrics), "## Failures", _failures(metrics)]
-    blocks += ["## What the numbers mean", _definitions(metrics)]
-    blocks += ["## What ran where", _list(f"{key}: {value}" for key, value in ran.items())]
-    blocks += ["## The study", f"```toml\n{study.strip()}\n```"]
+    blocks += ["## Cases", _cases(study), "## Failures", _failures(study)]
+    blocks += ["## What the numbers mean", _definitions(study)]
+    blocks += ["## What ran where", _list(f"{name.replace('_', ' ')}: {study.attrs[name]}" for name in RAN)]
+    blocks += ["## The study", f"```toml\n{study.attrs['study'].strip()}\n```"]
     text = "\n\n".join(block for block in blocks if block) + "\n"
     source, page = folder / "report.md", folder / "report.html"
     source.write_text(text, encoding="utf-8")
@@ -81,7 +78,7 @@ def write_report(
 
 
 def _page(title: str, text: str, folder: Path) -> str:
-    body = MarkdownIt("commonmark").enable("table").render(text)
+    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     body = re.sub(r'src="([^"]+)"', lambda found: f'src="{_inlined(folder / found[1])}"', body)
     return (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{html.escape(title)}</title>\n'
@@ -97,19 +94,19 @@ def _list(lines: Any) -> str:
     return "\n".join(f"- {line}" for line in lines)
 
 
-def _cases(metrics: xr.Dataset) -> str:
+def _cases(study: xr.Dataset) -> str:
     """One row a case; of a study with too many, geometric means over the last axes."""
-    axes = [str(name) for name in metrics["outcome"].dims]
-    shown = [name for name in COLUMNS if metrics[name].notnull().any()]
-    if metrics["outcome"].size <= MOST_ROWS:
-        return _table([*axes, "outcome", *shown], list(_rows(metrics, axes, shown)))
+    axes = [str(name) for name in study["outcome"].dims]
+    shown = [name for name in COLUMNS if study[name].notnull().any()]
+    if study["outcome"].size <= MOST_ROWS:
+        return _table([*axes, "outcome", *shown], list(_rows(study, axes, shown)))
     kept = list(axes)
-    while len(kept) > 1 and int(np.prod([metrics.sizes[name] for name in kept])) > MOST_ROWS:
+    while len(kept) > 1 and int(np.prod([study.sizes[name] for name in kept])) > MOST_ROWS:
         kept.pop()
-    complete = metrics[shown].where(metrics["outcome"] == COMPLETE)
+    complete = study[shown].where(study["outcome"] == DONE)
     logarithms = complete.map(lambda values: np.log(abs(values)))
     means = logarithms.mean(axes[len(kept) :]).map(np.exp)
-    means["outcome"] = (metrics["outcome"] == COMPLETE).sum(axes[len(kept) :])
+    means["outcome"] = (study["outcome"] == DONE).sum(axes[len(kept) :])
     told = f"Geometric means over {', '.join(axes[len(kept) :])} of the cases that ended, which `outcome` counts."
     return f"{told}\n\n" + _table([*kept, "outcome", *shown], list(_rows(means, kept, shown)))
 
@@ -117,25 +114,21 @@ def _cases(metrics: xr.Dataset) -> str:
 def _rows(metrics: xr.Dataset, axes: list[str], shown: list[str]) -> Iterator[list[str]]:
     for index in np.ndindex(*(metrics.sizes[name] for name in axes)):
         case = metrics.isel(dict(zip(axes, index, strict=True)))
-        outcome = str(case["outcome"].item()).split(":")[0].split(" (")[0]
-        yield [
-            *(_word(case[name].item()) for name in axes),
-            outcome,
-            *(_word(case[name].item()) for name in shown),
-        ]
+        if case["outcome"].item() != EXCLUDED:
+            yield [_word(case[name].item()) for name in (*axes, "outcome", *shown)]
 
 
-def _failures(metrics: xr.Dataset) -> str:
-    told = Counter(str(outcome) for outcome in metrics["outcome"].values.ravel())
-    failed = {outcome: count for outcome, count in told.items() if outcome not in (COMPLETE, "")}
-    if not failed:
-        return "None."
-    return _table(["cases", "outcome"], [[str(count), outcome] for outcome, count in sorted(failed.items())])
+def _failures(study: xr.Dataset) -> str:
+    """How many cases ended in which other way, by their reasons."""
+    ends = zip(study["outcome"].values.ravel().tolist(), study["reason"].values.ravel().tolist(), strict=True)
+    told = Counter(end for end in ends if end[0] not in (DONE, EXCLUDED))
+    failed = [[str(count), *end] for end, count in sorted(told.items())]
+    return _table(["cases", "outcome", "reason"], failed) if failed else "None."
 
 
-def _definitions(metrics: xr.Dataset) -> str:
-    shown = [name for name in COLUMNS if metrics[name].notnull().any()]
-    rows = [[f"`{name}`", metrics[name].attrs["long_name"], metrics[name].attrs["units"]] for name in shown]
+def _definitions(study: xr.Dataset) -> str:
+    shown = [name for name in COLUMNS if study[name].notnull().any()]
+    rows = [[f"`{name}`", study[name].attrs["long_name"], study[name].attrs["units"]] for name in shown]
     note = "L, M and T are the scene's own units of length, mass and time; s is seconds, 1 a pure number."
     return f"{_table(['metric', 'meaning', 'units'], rows)}\n\n{note}"
 

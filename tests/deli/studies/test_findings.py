@@ -31,8 +31,11 @@ def test_what_a_clean_study_says():
     ("changes", "sentence"),
     [
         (
-            {"outcome": (ONE, "failed in step 7 (from time 0.7): position: 3 rows did not converge; use daqp")},
-            "23 of 24 cases ended; others: 1 times position: 3 rows did not converge.",
+            {
+                "outcome": (ONE, "failed"),
+                "reason": (ONE, "in step 7 (from time 0.7): position: 3 rows did not converge; use daqp"),
+            },
+            "23 of 24 cases ended; others: 1 failed (position: 3 rows did not converge).",
         ),
         (
             {"smooth_contacts": (ONE, 1.9)},

@@ -1,0 +1,53 @@
+"""What a study file may say under ``[[plots]]``, as pydantic models."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from deli.config.models import Table
+
+
+class _Plot(Table):
+    """What every plot has: a title, labels by axis to which it is restricted, and an axis with a panel a label."""
+
+    title: str
+    where: dict[str, Any] = Field(default_factory=dict)
+    panels: str | None = None
+
+
+class Pareto(_Plot):
+    """Cases as points in two metrics, with the front of the best."""
+
+    kind: Literal["pareto"] = "pareto"
+    x: str
+    y: str
+    by: str | None = None
+
+
+class WorkPrecision(_Plot):
+    """Error against cost along an axis."""
+
+    kind: Literal["work_precision"] = "work_precision"
+    cost: str
+    error: str
+    along: str
+    by: str | None = None
+
+
+class HeatMap(_Plot):
+    """A metric over two axes, failures crossed out."""
+
+    kind: Literal["heat_map"] = "heat_map"
+    x: str
+    y: str
+    value: str
+
+
+class EnergyTraces(_Plot):
+    """Energy over time of the cases along an axis, the first case of all other axes."""
+
+    kind: Literal["energy_traces"] = "energy_traces"
+    by: str
+
+
+Plot = Annotated[Pareto | WorkPrecision | HeatMap | EnergyTraces, Field(discriminator="kind")]
