@@ -10,7 +10,8 @@ from deli.commands.check import check
 from deli.commands.figures import figures
 from deli.commands.listing import backends, methods, scenes
 from deli.commands.plot import plot
-for command in (run, study, report, plot, animate, replay, figures, check, scenes, methods, backends, bench):
+from deli.commands.replay import replay
+from deli.commands.report import report
 from deli.commands.run import run
 from deli.commands.study import study
 

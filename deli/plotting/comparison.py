@@ -197,7 +197,7 @@ def _word(entry: Any) -> str:
 
 
 def _complete(data: xr.Dataset) -> xr.DataArray:
-    return data["outcome"] == "done"
+    return data["state"] == "done"
 
 
 def _finished(data: xr.Dataset, x: str, y: str) -> tuple[np.ndarray, np.ndarray]:

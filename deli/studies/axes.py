@@ -16,8 +16,12 @@ SHORT_NAMES = {
     "solvers.default": "solver",
     "solvers.default.backend": "solver",
     "scene.name": "scene",
-    "method.name": "method",
+    "method": "integrator",
+    "method.name": "integrator",
+    "solvers.default.tolerance": "solver_tolerance",
 }
+KEYWORDS = {"method", "tolerance", "drop"}
+"""What `xarray.Dataset.sel` would not take for a dimension."""
 RESERVED = {"state", "outcome", "note", "file", "label"}
 
 Label = str | int | float | bool
@@ -93,7 +97,7 @@ def derived_name(key: str) -> str:
         return SHORT_NAMES[key]
     if parts[0] == "solvers" and len(parts) == 2:
         return f"{parts[1]}_solver"
-    return parts[-1]
+    return "_".join(parts[-2:]) if parts[-1] in KEYWORDS else parts[-1]
 
 
 def derived_label(value: Any) -> str:
@@ -173,8 +177,8 @@ def _refuse_twice(what: str, found: Sequence[Any], remedy: str) -> None:
 def _refuse_reserved(name: str) -> None:
     from deli.metrics import METRICS
 
-    if name in RESERVED or name in METRICS:
+    if name in RESERVED or name in METRICS or name in KEYWORDS:
+        owner = "an argument of xarray's sel" if name in KEYWORDS else "a variable of the study's dataset"
         raise InputError(
-            f"dimension {name!r} is called like a variable of the study's dataset; name it otherwise: "
-            "{ name = ..., values = ... }."
+            f"dimension {name!r} is called like {owner}; name it otherwise: {{ name = ..., values = ... }}."
         )

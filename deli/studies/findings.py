@@ -8,7 +8,7 @@ import xarray as xr
 
 from deli.studies.states import DONE, EXCLUDED
 
-SCENE = "scene"
+SCENE, COMPLETE = "scene", "complete"
 SAME = 1.05  # cases within five per cent of each other count as equal
 LOST = 0.99  # of the smooth contacts at the tightest tolerance, below which a contact counts as lost
 CERTAIN = 4.0  # standard errors from which on a drift is told
@@ -32,7 +32,7 @@ def findings(study: xr.Dataset) -> list[str]:
     list of str
     """
     told = [*_outcomes(study)]
-    axes = [str(name) for name in study["outcome"].dims if study.sizes[name] > 1 and name != SCENE]
+    axes = [str(name) for name in study["state"].dims if study.sizes[name] > 1 and name != SCENE]
     for axis in axes:
         told += _times(study, axis)
     for axis in axes:
@@ -43,24 +43,22 @@ def findings(study: xr.Dataset) -> list[str]:
 
 
 def _outcomes(study: xr.Dataset) -> Iterator[str]:
-    stated = study["outcome"].values.ravel().tolist()
-    outcomes = [outcome for outcome in stated if outcome != EXCLUDED]
-    done = outcomes.count(DONE)
+    states = study["state"].values.ravel()
+    outcomes = study["outcome"].values.ravel()[states != EXCLUDED].tolist()
+    done = int((states == DONE).sum())
     if done == len(outcomes):
         yield f"All {done:,} cases ended."
         return
-    kinds = Counter(
-        f"{outcome} ({_cause(reason)})" if reason else outcome
-        for outcome, reason in zip(stated, study["reason"].values.ravel().tolist(), strict=True)
-        if outcome not in (DONE, EXCLUDED)
-    )
+    kinds = Counter(_cause(outcome) for outcome in outcomes if outcome != COMPLETE)
     others = "; ".join(f"{count:,} {kind}" for kind, count in kinds.most_common(5))
     yield f"{done:,} of {len(outcomes):,} cases ended; others: {others}."
 
 
-def _cause(reason: str) -> str:
-    """The cause within a reason, without the step and the advice."""
-    return reason.split("): ", 1)[-1].split(";")[0].removesuffix(".")[:90]
+def _cause(outcome: str) -> str:
+    """An outcome without the step and the advice."""
+    state = outcome.split(" in step ")[0].split(":")[0]
+    cause = outcome.split("): ", 1)[-1].split(";")[0].removesuffix(".")[:90]
+    return state if cause == state else f"{state} ({cause.removeprefix(state).lstrip(': ')})"
 
 
 def _times(study: xr.Dataset, axis: str) -> Iterator[str]:
@@ -118,7 +116,7 @@ def _contacts(study: xr.Dataset, axis: str) -> Iterator[str]:
 
 
 def _drifts(study: xr.Dataset) -> Iterator[str]:
-    complete = study["outcome"] == DONE
+    complete = study["state"] == DONE
     drift, error = study["energy_drift"], study["energy_drift_error"]
     known = complete & drift.notnull()
     if not known.any():
@@ -135,7 +133,7 @@ def _drifts(study: xr.Dataset) -> Iterator[str]:
 
 
 def _violations(study: xr.Dataset) -> Iterator[str]:
-    worst = study["violation_worst"].where(study["outcome"] == DONE)
+    worst = study["violation_worst"].where(study["state"] == DONE)
     if not worst.notnull().any():
         return
     place = worst.argmax(...)
@@ -157,7 +155,7 @@ def _claims(study: xr.Dataset) -> Iterator[str]:
 
 def _matched(study: xr.Dataset, name: str, axis: str) -> xr.DataArray | None:
     """The metric where all cases along an axis are complete, as an array with the other axes; None without any."""
-    complete = (study["outcome"] == DONE).all(axis)
+    complete = (study["state"] == DONE).all(axis)
     values = study[name].where(complete)
     return values if values.notnull().any() else None
 

@@ -21,7 +21,7 @@ MOST_TRACES = 6
 
 def first_look(study: xr.Dataset) -> list[Plot]:
     """Plots for a study whose file asks for none: what its axes allow, a panel for each scene."""
-    axes = [str(name) for name in study["outcome"].dims if study.sizes[name] > 1]
+    axes = [str(name) for name in study["state"].dims if study.sizes[name] > 1]
     panels = SCENE if SCENE in axes else None
     axes = [name for name in axes if name != panels]
     numeric = [name for name in axes if np.issubdtype(study[name].dtype, np.number)]
@@ -86,7 +86,7 @@ def draw(plot: Plot, study: xr.Dataset) -> Figure:
 
 
 def _draw_traces(plot: EnergyTraces, axes: Axes, study: xr.Dataset) -> None:
-    others = {str(name): study[name].values[0] for name in study["outcome"].dims if name != plot.by}
+    others = {str(name): study[name].values[0] for name in study["state"].dims if name != plot.by}
     runs = {}
     for label in study[plot.by].values[:MOST_TRACES]:
         place = {**others, plot.by: label}

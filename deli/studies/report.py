@@ -14,7 +14,7 @@ import xarray as xr
 from markdown_it import MarkdownIt
 from pydantic import TypeAdapter
 
-from deli.studies.findings import findings
+from deli.studies.findings import COMPLETE, findings
 from deli.studies.plot_tables import Plot
 from deli.studies.plots import check_plots, draw, first_look
 from deli.studies.states import DONE, EXCLUDED
@@ -96,34 +96,33 @@ def _list(lines: Any) -> str:
 
 def _cases(study: xr.Dataset) -> str:
     """One row a case; of a study with too many, geometric means over the last axes."""
-    axes = [str(name) for name in study["outcome"].dims]
+    axes = [str(name) for name in study["state"].dims]
     shown = [name for name in COLUMNS if study[name].notnull().any()]
-    if study["outcome"].size <= MOST_ROWS:
-        return _table([*axes, "outcome", *shown], list(_rows(study, axes, shown)))
+    if study["state"].size <= MOST_ROWS:
+        return _table([*axes, "state", *shown], list(_rows(study, axes, shown)))
     kept = list(axes)
     while len(kept) > 1 and int(np.prod([study.sizes[name] for name in kept])) > MOST_ROWS:
         kept.pop()
-    complete = study[shown].where(study["outcome"] == DONE)
+    complete = study[shown].where(study["state"] == DONE)
     logarithms = complete.map(lambda values: np.log(abs(values)))
     means = logarithms.mean(axes[len(kept) :]).map(np.exp)
-    means["outcome"] = (study["outcome"] == DONE).sum(axes[len(kept) :])
-    told = f"Geometric means over {', '.join(axes[len(kept) :])} of the cases that ended, which `outcome` counts."
-    return f"{told}\n\n" + _table([*kept, "outcome", *shown], list(_rows(means, kept, shown)))
+    means["state"] = (study["state"] == DONE).sum(axes[len(kept) :])
+    told = f"Geometric means over {', '.join(axes[len(kept) :])} of the cases that ended, which `state` counts."
+    return f"{told}\n\n" + _table([*kept, "state", *shown], list(_rows(means, kept, shown)))
 
 
 def _rows(metrics: xr.Dataset, axes: list[str], shown: list[str]) -> Iterator[list[str]]:
     for index in np.ndindex(*(metrics.sizes[name] for name in axes)):
         case = metrics.isel(dict(zip(axes, index, strict=True)))
-        if case["outcome"].item() != EXCLUDED:
-            yield [_word(case[name].item()) for name in (*axes, "outcome", *shown)]
+        if case["state"].item() != EXCLUDED:
+            yield [_word(case[name].item()) for name in (*axes, "state", *shown)]
 
 
 def _failures(study: xr.Dataset) -> str:
     """How many cases ended in which other way, by their reasons."""
-    ends = zip(study["outcome"].values.ravel().tolist(), study["reason"].values.ravel().tolist(), strict=True)
-    told = Counter(end for end in ends if end[0] not in (DONE, EXCLUDED))
-    failed = [[str(count), *end] for end, count in sorted(told.items())]
-    return _table(["cases", "outcome", "reason"], failed) if failed else "None."
+    ends = study["outcome"].values.ravel()[study["state"].values.ravel() != EXCLUDED].tolist()
+    told = Counter(outcome for outcome in ends if outcome != COMPLETE)
+    return _table(["cases", "outcome"], [[str(told[end]), end] for end in sorted(told)]) if told else "None."
 
 
 def _definitions(study: xr.Dataset) -> str:

@@ -144,7 +144,8 @@ class TestPlainOutput:
         assert output.stdout.strip() == ""
 
     @pytest.mark.parametrize(
-        "command", ["run", "study", "report", "plot", "animate", "replay", "figures", "check", "scenes", "methods", "backends"]
+        "command",
+        ["run", "study", "report", "plot", "animate", "replay", "figures", "check", "scenes", "methods", "backends"],
     )
     def test_every_command_has_help(self, command):
         result = call(command, "--help")

@@ -32,8 +32,8 @@ def made_up(**changes):
         },
         axes,
     )
-    data["outcome"] = (tuple(axes), np.full(solver.shape, "done", dtype=object))
-    data["reason"] = (tuple(axes), np.full(solver.shape, "", dtype=object))
+    data["state"] = (tuple(axes), np.full(solver.shape, "done", dtype=object))
+    data["outcome"] = (tuple(axes), np.full(solver.shape, "complete", dtype=object))
     data["file"] = (tuple(axes), np.full(solver.shape, "case.nc", dtype=object))
     for name, (place, value) in changes.items():
         data[name].loc[place] = value

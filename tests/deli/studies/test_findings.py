@@ -32,8 +32,8 @@ def test_what_a_clean_study_says():
     [
         (
             {
-                "outcome": (ONE, "failed"),
-                "reason": (ONE, "in step 7 (from time 0.7): position: 3 rows did not converge; use daqp"),
+                "state": (ONE, "failed"),
+                "outcome": (ONE, "failed in step 7 (from time 0.7): position: 3 rows did not converge; use daqp"),
             },
             "23 of 24 cases ended; others: 1 failed (position: 3 rows did not converge).",
         ),
@@ -63,7 +63,7 @@ def test_what_one_case_changes(changes, sentence):
 
 
 def test_failed_cases_are_left_out_of_comparisons():
-    spoiled = made_up(outcome=(ONE, "failed"), wall_time=(ONE, 1e9), energy_band=(ONE, 1e9))
+    spoiled = made_up(state=(ONE, "failed"), outcome=(ONE, "failed"), wall_time=(ONE, 1e9), energy_band=(ONE, 1e9))
     told = findings(spoiled)
     assert "Along solver, quick takes the least time; times as much: slow 3." in told
     assert not any("e+09" in sentence for sentence in told)

@@ -32,7 +32,7 @@ PLOTS = """
 kind = "heat_map"
 title = "Contacts that last"
 x = "solver"
-y = "tolerance"
+y = "solver_tolerance"
 value = "smooth_contacts"
 where = { scene = "spring_sphere" }
 """
@@ -83,8 +83,8 @@ def test_the_page_shows_findings_pictures_and_cases(folder, browser, tmp_path):
     for picture in pictures:
         assert browser.execute_script("return arguments[0].complete && arguments[0].naturalWidth > 300", picture)
     cases = browser.find_elements(By.TAG_NAME, "table")[0].find_elements(By.TAG_NAME, "tr")
-    assert len(cases) == 1 + study["outcome"].size
-    band = f"{float(study['energy_band'].sel(scene='spring_sphere', solver='daqp', tolerance=1e-3)):.3g}"
+    assert len(cases) == 1 + study["state"].size
+    band = f"{float(study['energy_band'].sel(scene='spring_sphere', solver='daqp', solver_tolerance=1e-3)):.3g}"
     assert band in cases[1].text.split()
     assert not browser.get_log("browser")
 
