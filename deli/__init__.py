@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from deli.integrators.moreau_jean import MoreauJean
     from deli.integrators.newmark import Newmark
     from deli.integrators.nonsmooth_alpha import NonsmoothAlpha
+    from deli.integrators.solve_ivp import SolveIvp
     from deli.mechanics.constraints import Planes
     from deli.mechanics.distances import AnchoredRods, Rods, SpheresApart, SpheresInside, SpheresOutside
     from deli.mechanics.functions import Constraints, Potential
@@ -51,6 +52,7 @@ __all__ = [
     "RadialPowers",
     "Rods",
     "Scene",
+    "SolveIvp",
     "SpheresApart",
     "SpheresInside",
     "SpheresOutside",
@@ -88,6 +90,7 @@ _HOME = {
     "RadialPowers": "deli.mechanics.potentials",
     "Rods": "deli.mechanics.distances",
     "Scene": "deli.mechanics.scene",
+    "SolveIvp": "deli.integrators.solve_ivp",
     "SpheresApart": "deli.mechanics.distances",
     "SpheresInside": "deli.mechanics.distances",
     "SpheresOutside": "deli.mechanics.distances",

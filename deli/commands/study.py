@@ -34,6 +34,9 @@ def study(
         str | None,
         typer.Option(metavar="ADDRESS", help="Run on a Dask scheduler, such as tcp://host:8786, instead of here."),
     ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A shorter form of the study, as its table [quick] says: a first look.")
+    ] = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Check everything, say what would run and why, and stop.")
     ] = False,
@@ -81,7 +84,18 @@ def study(
         time = 60.0
         memory = "2 GB"
 
-    Also `title`, and `workers = 1` where times are to be compared.
+        [[plots]]                       # of `deli report`
+        kind = "pareto"                 # or work_precision,
+        title = "Worth its time?"       # heat_map, energy_traces
+        x = "wall_time"
+        y = "energy_band"
+        by = "solver"
+
+        [quick]                         # what --quick changes
+        base.duration = 1.0
+
+    Also `title`, and `workers = 1` where times are to be compared. `"solvers.default.backend" = "installed"` stands for
+    all backends that are.
     """
     from deli.errors import InputError
     from deli.studies.display import Board, reasons
@@ -90,7 +104,7 @@ def study(
 
     if workers is not None and scheduler is not None:
         raise InputError("--workers and --scheduler are both given; a Dask scheduler has its own workers.")
-    checked, folder = load(source), output or Path(source.stem)
+    checked, folder = load(source, quick), output or Path(source.stem)
     decisions = plan_study(checked, folder, retry_failed=retry_failed)
     if dry_run:
         _print_plan(decisions)

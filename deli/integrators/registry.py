@@ -8,6 +8,7 @@ from deli.integrators.integrator import Integrator
 from deli.integrators.moreau_jean import MoreauJean
 from deli.integrators.newmark import Newmark
 from deli.integrators.nonsmooth_alpha import NonsmoothAlpha
+from deli.integrators.solve_ivp import SolveIvp
 
 METHODS: dict[str, type[Integrator]] = {
     "gvi": GVI,
@@ -17,4 +18,5 @@ METHODS: dict[str, type[Integrator]] = {
     "newmark": Newmark,
     "moreau_jean": MoreauJean,
     "nonsmooth_alpha": NonsmoothAlpha,
+    "solve_ivp": SolveIvp,
 }

@@ -18,6 +18,7 @@ from deli.studies.exact import require_exact
 from deli.studies.model import LimitsTable, StudyTable, check_table
 
 DIGITS = 16
+QUICK = "quick"
 
 
 @dataclass(frozen=True)
@@ -90,8 +91,8 @@ def title_of(labels: Mapping[str, Label]) -> str:
     return ", ".join(f"{name} = {label}" for name, label in labels.items())
 
 
-def load(path: Path) -> Study:
-    """Read a study file.
+def load(path: Path, quick: bool = False) -> Study:
+    """Read a study file; `quick` puts what its table ``[quick]`` says in the place of the rest.
 
     Raises
     ------
@@ -107,9 +108,22 @@ def load(path: Path) -> Study:
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path} is not valid TOML: {error}.") from error
     try:
-        return make_study(found, path.parent, text, path.stem)
+        shorter = found.pop(QUICK, None)
+        if quick and not isinstance(shorter, Mapping):
+            raise InputError(f"it has no table [{QUICK}] and so no quick form.")
+        return make_study(_merged(found, shorter) if quick else found, path.parent, text, path.stem)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
+
+
+def _merged(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """The table with changes: tables are merged, everything else is replaced."""
+    merged = dict(table)
+    for key, value in changes.items():
+        known = merged.get(key)
+        both = isinstance(known, Mapping) and isinstance(value, Mapping)
+        merged[key] = _merged(known or {}, value) if both else value
+    return merged
 
 
 def make_study(found: Mapping[str, Any], folder: Path, text: str = "", name: str = "study") -> Study:

@@ -6,11 +6,14 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, ByteSize, Field, TypeAdapter, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
+import solvers
 from deli.config.models import Table, refuse_nan, say
 from deli.errors import InputError
 from deli.studies.plot_tables import Plot
 
 AXIS_KEYS = {"values", "count"}
+INSTALLED = "installed"
+BACKEND_KEYS = {"solvers", "solvers.default", "solvers.default.backend"}
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$")]
 
 
@@ -97,15 +100,19 @@ def check_table(found: Mapping[str, Any]) -> StudyTable:
 
 
 def check_axis(key: str, found: Any) -> AxisTable:
-    """Check one entry of ``[axes]``: a list of values, or a table of its own.
+    """Check one entry of ``[axes]``: a list of values, a table of its own, or all backends that are installed.
 
     Raises
     ------
     InputError
         See `check_table`.
     """
+    if found == INSTALLED and key in BACKEND_KEYS:
+        found = solvers.available()
     if not isinstance(found, list | Mapping):
-        raise InputError(f"axes.{key} is {found!r}; allowed: a list of values, or a table such as {{ count = 20 }}.")
+        backends = f", or {INSTALLED!r}" if key in BACKEND_KEYS else ""
+        allowed = f"a list of values, or a table such as {{ count = 20 }}{backends}"
+        raise InputError(f"axes.{key} is {found!r}; allowed: {allowed}.")
     try:
         return AxisTable.model_validate({"values": found} if isinstance(found, list) else found)
     except ValidationError as error:

@@ -48,12 +48,14 @@ SETTINGS = {
         },
         "collision": {"scheme": ("midpoint", "verlet"), "energy": ("hamiltonian", "numerical", "discrete")},
         "newmark": {"beta": (0.25, 0.0), "imex": (False, True)},
+        "solve_ivp": {},
     },
     "hard_rods": {
         "gvi": {"reflection": ("generalized", "moreau", "sequential"), "predictor": ("forward", "closed_loop")},
         "discrete_smooth": {},
         "collision": {"energy": ("hamiltonian", "numerical", "discrete")},
         "newmark": {"beta": (0.25, 0.0), "imex": (False, True)},
+        "solve_ivp": {},
     },
 }
 

@@ -11,6 +11,7 @@ from running import call, refused
 from study_cases import BALL, study
 
 import deli
+import solvers
 from deli.config import parse
 from deli.studies.expansion import digest_of, load, make_study
 
@@ -165,3 +166,34 @@ def test_what_is_refused(folder, table, words):
     (folder / "wrong.toml").write_text(tomli_w.dumps({"base": BALL, **table}))
     refused(call("study", "wrong.toml"), "wrong.toml", *words)
     assert [path.name for path in folder.iterdir()] == ["wrong.toml"]
+
+
+def test_a_quick_form_changes_what_it_says(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(
+        """
+        [base]
+        scene.name = "point_mass"
+        steps = 1000
+        [axes]
+        step_size = [0.1, 0.01, 0.001]
+        "solvers.default.tolerance" = [1e-6, 1e-9]
+        [quick]
+        base.steps = 10
+        axes.step_size = [0.1]
+        """
+    )
+    full, quick = load(path), load(path, quick=True)
+    assert [len(full.cases), len(quick.cases)] == [6, 2]
+    assert {case.steps for case in full.cases} == {1000}
+    assert {(case.steps, case.config["step_size"]) for case in quick.cases} == {(10, 0.1)}
+    path.write_text(path.read_text().split("[quick]")[0])
+    with pytest.raises(deli.InputError, match=r"no table \[quick\]"):
+        load(path, quick=True)
+
+
+def test_installed_stands_for_all_backends():
+    table = {"base": {"scene": "point_mass", "steps": 1}, "axes": {"solvers.default.backend": "installed"}}
+    assert [case.labels["solver"] for case in make_study(table, None).cases] == solvers.available()
+    with pytest.raises(deli.InputError, match=r"axes\.step_size is .installed.; allowed: a list of values"):
+        make_study({**table, "axes": {"step_size": "installed"}}, None)
