@@ -23,12 +23,13 @@ def work_arrays(
     """
     dof, bodies, dimension = system.mass.size, system.component.size, system.dimension
     rows, held = system.unilateral.kind.size, system.bilateral.kind.size
-    values = ("gaps", "gaps_moved", "base", "approach", "still", "pressed", "scaled", "best_pressed", "best_scaled")
+    values = ("gaps", "gaps_moved", "level", "base", "approach", "still")
+    pressures = ("pressed", "scaled", "best_pressed", "best_scaled")
     flags = _each(("touching", "active", "landing", "resting"), rows)
     lists = _each(("marked", "chosen", "smooth", "pressing"), rows) | {"ticks": (2,), "meeting": (3,)}
     shapes: dict[str, tuple[int, ...]] = {
         **_each(Work._fields, dof),
-        **_each(values, rows),
+        **_each((*values, *pressures), rows),
         **flags,
         **lists,
         **_each(("normals", "normals_moved"), rows, dimension),

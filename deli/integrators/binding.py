@@ -107,6 +107,7 @@ def bind_method(
         operator=SELECTIONS.index((recipe.operator, recipe.order)),
         numerical=scheme is not None,
         curvature=2.0 * scheme.numerical_curvature * step_size**2 if scheme else 0.0,
+        pull=scheme.numerical_force * step_size**2 if scheme else 0.0,
         order=recipe.event_order,
         discrete=recipe.discrete,
         closed_loop=recipe.closed_loop,

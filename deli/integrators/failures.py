@@ -54,6 +54,11 @@ def explain(code: int, bound: "Bound") -> BaseException:
             f"collision: no impulse at unilateral constraint {report[0]:.0f} conserves the discrete energy, "
             f"{report[2]:.6g} into the step of {bound.step_size:g}; use a smaller step_size or another energy."
         )
+    if code == codes.PENETRATED:
+        return StepError(
+            f"closed loop: unilateral constraint {report[0]:.0f} is violated by {-report[1]:.1e} after the "
+            f"solver's best step; use polish = true or a tighter tolerance, or a larger contact_tolerance."
+        )
     if code == codes.INDEFINITE and scheme is not None:
         reflection_metric(bound.scene, scheme, bound.work.q, bound.step_size)  # says from which step size on
         return StepError("reflection: the metric of the numerical Hamiltonian is not positive definite to rounding.")

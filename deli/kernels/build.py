@@ -19,6 +19,7 @@ from deli.kernels import (
     collision,
     direct,
     islands,
+    landing,
     native,
     nonsmooth_alpha,
     position,
@@ -51,6 +52,7 @@ _COSTS = {
     position._iterate: 3.8,
     step.step: 2.9,
     reflection.reflect: 2.2,
+    landing.land: 2.0,
     islands.connect: 1.5,
     advance.record_state: 1.1,
 }

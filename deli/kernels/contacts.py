@@ -9,7 +9,6 @@ from deli.kernels.compiled import kernel
 from deli.kernels.forces import ask, gradient
 from deli.kernels.machine import Machine
 from deli.kernels.rows import normal, values, weight
-from deli.kernels.system import System
 from deli.kernels.work import Work
 from deli.mechanics.tables import OTHER
 
@@ -148,21 +147,3 @@ def velocity_zeros(machine: Machine, momentum: np.ndarray, count: int, tolerance
         size = math.sqrt(weight(table, row, work.normals, work.gradients, inverse))
         speed = tolerance * (math.sqrt(here) + math.sqrt(there)) + rounding
         work.still[chosen] = speed * size
-
-
-@kernel
-def spread_to_violated(system: System, work: Work) -> bool:
-    """Let what x violates join 𝔸, or land if it is there already; return whether anything did.
-
-    Both sets only grow, so the loop of attempts ends.
-    """
-    changed = False
-    for row in range(system.unilateral.kind.size):
-        if work.gaps_moved[row] < -VIOLATED * system.gap_scale[row]:
-            if not work.active[row]:
-                work.active[row] = True
-                changed = True
-            elif not (work.landing[row] or work.resting[row]):
-                work.landing[row] = True
-                changed = True
-    return changed

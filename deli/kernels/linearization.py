@@ -44,7 +44,7 @@ def reached(machine: Machine, dof: int) -> float:
 
 @kernel
 def evaluate(machine: Machine, group: int, whole: bool) -> int:
-    """Force where it depends on x, g_𝕊 and f of one island; rows that follow the constraints are gathered anew."""
+    """Force where it depends on x, g_𝕊 above its level and f of one island; rows that follow it are gathered anew."""
     system, method, work, islands, mail = (
         machine.system,
         machine.method,
@@ -75,7 +75,7 @@ def evaluate(machine: Machine, group: int, whole: bool) -> int:
             return code
     for k in range(begin, end):
         row = islands.rows[k]
-        work.gaps_moved[row] = value(system.unilateral, row, spot, mail.unilateral)
+        work.gaps_moved[row] = value(system.unilateral, row, spot, mail.unilateral) - work.level[row]
         if moving:
             normal(system.unilateral, row, spot, work.normals)
     begin, end = islands.held_start[group], islands.held_start[group + 1]

@@ -13,9 +13,12 @@ from deli.kernels.solve import append, solve
 from deli.kernels.tally import skip
 
 
-@unit(types.int64, MACHINE, types.int64)
-def tangent(machine: Machine, count: int) -> int:
-    """Project ``work.carried`` off the first `count` rows of ``work.pressing`` and bilateral rows, gradients at x."""
+@unit(types.int64, MACHINE, types.int64, types.boolean)
+def tangent(machine: Machine, count: int, there: bool) -> int:
+    """Project ``work.carried`` off the first `count` rows of ``work.pressing`` and bilateral rows.
+
+    Gradients are those at x if `there`, those at q otherwise.
+    """
     system, method, work, islands, program, tally = (
         machine.system,
         machine.method,
@@ -26,20 +29,23 @@ def tangent(machine: Machine, count: int) -> int:
     )
     dimension, root = system.dimension, system.root
     before = tally.counts[0, PROJECTION]
+    normals, gradients = work.normals, work.gradients
+    held_normals, held_gradients = work.held_normals, work.held_gradients
+    if there:
+        normals, gradients = work.normals_moved, work.gradients_moved
+        held_normals, held_gradients = work.held_normals_moved, work.held_gradients_moved
     groups = connect(machine, count, True, system.coupled or not method.skip)
     for group in range(groups):
         rows = local = 0
         program.start[0] = 0
         for k in range(islands.row_start[group], islands.row_start[group + 1]):
             append(
-                program, rows, system.unilateral, islands.rows[k], work.normals_moved, work.gradients_moved,
-                islands.place, root,
+                program, rows, system.unilateral, islands.rows[k], normals, gradients, islands.place, root,
             )  # fmt: skip
             rows += 1
         for k in range(islands.held_start[group], islands.held_start[group + 1]):
             append(
-                program, rows, system.bilateral, islands.held[k], work.held_normals_moved,
-                work.held_gradients_moved, islands.place, root,
+                program, rows, system.bilateral, islands.held[k], held_normals, held_gradients, islands.place, root,
             )  # fmt: skip
             rows += 1
         if method.skip and rows == 0:
@@ -66,6 +72,25 @@ def tangent(machine: Machine, count: int) -> int:
 
 
 @kernel
+def presses(machine: Machine, row: int) -> bool:
+    """Whether a row of the position update is still active at x."""
+    work = machine.work
+    opened = work.pressed[row] < work.scaled[row]
+    return not opened and abs(work.scaled[row]) <= machine.method.contact_tolerance
+
+
+@kernel
+def list_smooth(machine: Machine, smooth: int) -> int:
+    """Put the rows of 𝕊 that are still active at x to the front of ``work.pressing``; return how many."""
+    work, count = machine.work, 0
+    for k in range(smooth):
+        if presses(machine, work.smooth[k]):
+            work.pressing[count] = work.smooth[k]
+            count += 1
+    return count
+
+
+@kernel
 def carry(machine: Machine, smooth: int) -> int:
     """Momentum at x: D₂L_d(q, x) without what the constraints that stay active do not allow."""
     system, method, work, mail, tally = machine.system, machine.method, machine.work, machine.mail, machine.tally
@@ -83,14 +108,9 @@ def carry(machine: Machine, smooth: int) -> int:
         force = work.stress
     for k in range(dof):
         work.carried[k] = system.mass[k] * work.velocity[k] + force[k]
-    count = 0
-    for k in range(smooth):
-        row = work.smooth[k]
-        opened = work.pressed[row] < work.scaled[row]
-        if not opened and abs(work.scaled[row]) <= method.contact_tolerance:
-            work.pressing[count] = row
-            count += 1
-            normal(system.unilateral, row, there, work.normals_moved)
+    count = list_smooth(machine, smooth)
+    for k in range(count):
+        normal(system.unilateral, work.pressing[k], there, work.normals_moved)
     if count and system.other_unilateral:
         code = ask(machine, UNILATERAL_GRADIENTS, there)
         if code != DONE:
@@ -107,4 +127,4 @@ def carry(machine: Machine, smooth: int) -> int:
     if method.skip and count == 0 and held == 0:
         skip(tally, PROJECTION)
         return DONE
-    return tangent(machine, count)
+    return tangent(machine, count, True)

@@ -152,7 +152,7 @@ def reflect(machine: Machine, count: int) -> int:
 
     Each pass selects rows, reflects off them together, and looks again: ``generalized`` selects the approaching
     contacts, ``moreau`` all that do not separate, ``sequential`` one: the next approaching one in index order, or the
-    fastest.
+    fastest. Where that does not end, the rows of the last pass are the first ``work.report[4]`` of ``work.pressing``.
     """
     system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
     momentum, dof = work.momentum, system.mass.size
@@ -192,13 +192,13 @@ def reflect(machine: Machine, count: int) -> int:
                 change += (momentum[k] - work.before[k]) ** 2 * system.inverse[k]
                 size += momentum[k] ** 2 * system.inverse[k]
             if before_known and math.sqrt(change) <= _SAME * math.sqrt(size):
-                work.report[0] = count
+                work.report[0], work.report[4] = count, taken
                 return NO_DIRECTION
             for k in range(dof):
                 work.before[k] = work.free_momentum[k]
             before_known = True
     work.report[0], work.report[1], work.report[2] = violated, count, limit
-    work.report[3] = work.approach[0]
+    work.report[3], work.report[4] = work.approach[0], taken
     for k in range(count):
         work.report[3] = min(work.report[3], work.approach[k])
     return TOO_MANY_PASSES

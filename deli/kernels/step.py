@@ -2,7 +2,17 @@
 
 from numba import types
 
-from deli.kernels.codes import AFFINE, BILATERAL, DONE, POSITION, REFLECTION, REFRESH, UNILATERAL
+from deli.kernels.codes import (
+    AFFINE,
+    BILATERAL,
+    DONE,
+    NO_DIRECTION,
+    POSITION,
+    REFLECTION,
+    REFRESH,
+    TOO_MANY_PASSES,
+    UNILATERAL,
+)
 from deli.kernels.compiled import kernel, unit
 from deli.kernels.contacts import (
     begin,
@@ -10,11 +20,11 @@ from deli.kernels.contacts import (
     finite,
     first_force_here,
     gradients_here,
-    spread_to_violated,
     strayed,
     velocity_zeros,
 )
 from deli.kernels.forces import ask
+from deli.kernels.landing import admissible, land, spread_to_violated, trap
 from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.position import predict, update
 from deli.kernels.projection import carry
@@ -37,7 +47,7 @@ def _tangents(machine: Machine, pressing: int) -> int:
     for k in range(pressing):
         row = work.pressing[k]
         change = rate(system.unilateral, row, work.normals, work.gradients, scaled, system.inverse)
-        work.base[row] = value(system.unilateral, row, at, mail.unilateral) + change
+        work.base[row] = value(system.unilateral, row, at, mail.unilateral) + change - work.level[row]
     held = system.bilateral.kind.size
     if held and system.other_bilateral:
         code = ask(machine, BILATERAL, at)
@@ -152,6 +162,7 @@ def step(machine: Machine, known: int, _one: int, _two: int) -> int:
     for row in range(rows):
         work.touching[row] = abs(work.gaps[row]) <= method.contact_tolerance * system.gap_scale[row]
         work.landing[row] = False
+        work.level[row] = 0.0
         touching += work.touching[row]
     # D₂L_d of a step that meets nothing needs the prediction only.
     for k in range(dof):
@@ -183,20 +194,27 @@ def step(machine: Machine, known: int, _one: int, _two: int) -> int:
                 return code
             gradients_known = True
         code, smooth = _attempt(machine, active)
-        if code != DONE:
+        trapped = method.closed_loop and code in (NO_DIRECTION, TOO_MANY_PASSES)
+        if trapped:
+            trap(machine, int(work.report[4]))
+        elif code != DONE:
             return code
-        if strayed(machine, work.moved):
+        elif strayed(machine, work.moved):
             copy_tally(machine.kept, tally)
             return REFRESH
         if not (method.reflects and method.closed_loop):
             break
-        if not spread_to_violated(system, work):
+        if not (trapped or spread_to_violated(machine)):
             break
         active = 0
         for row in range(rows):
             active += work.active[row]
     tally.contacts[0] = smooth
     code = carry(machine, smooth)
+    if method.closed_loop and code == DONE:
+        code = land(machine, smooth)
+    if method.closed_loop and code == DONE:
+        code = admissible(machine)
     if code != DONE:
         return code
     return finite(work)

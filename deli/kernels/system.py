@@ -95,6 +95,8 @@ class Method(NamedTuple):
         Whether reflections conserve the numerical Hamiltonian.
     curvature : float
         c h² of the scheme, W = M⁻¹ + c h² M⁻¹V″M⁻¹.
+    pull : float
+        Coefficient of ∇VᵀM⁻¹∇V in the numerical Hamiltonian.
     order : int
         Of the steps to and from the events of a collision integrator; 0 for other methods.
     discrete : bool
@@ -124,6 +126,7 @@ class Method(NamedTuple):
     operator: int
     numerical: bool
     curvature: float
+    pull: float
     order: int
     discrete: bool
     closed_loop: bool

@@ -12,10 +12,11 @@ class Work(NamedTuple):
     """Arrays of one step, by degree of freedom, by unilateral row, by bilateral row.
 
     `span` holds h, the size of the step at hand: words of a record never change, so no method could take a part of a
-    step if it were one. `here` is ∇V(q), `spot` where the constraints of a position update are taken, `base` and
-    `held_base` the values at u = 0 of rows that are affine. What collision integrators need is described in
-    `deli.kernels.fractions`, from `start` to `balance`. What a method carries from step to step besides q and p is
-    `memory`, of as many rows as it has names for, and becomes `remembered`.
+    step if it were one. `level` is what a gap must not fall below in a position update: 0, but where a contact lands.
+    `here` is ∇V(q), `latent` the momentum along the gradients of landed contacts, `spot` where the constraints of a
+    position update are taken, `base` and `held_base` the values at u = 0 of rows that are affine. What collision
+    integrators need is described in `deli.kernels.fractions`, from `start` to `balance`. What a method carries from
+    step to step besides q and p is `memory`, of as many rows as it has names for, and becomes `remembered`.
     """
 
     span: Vector
@@ -30,6 +31,7 @@ class Work(NamedTuple):
     force: Vector
     stress: Vector
     here: Vector
+    latent: Vector
     spot: Vector
     before: Vector
     best: Vector
@@ -40,6 +42,7 @@ class Work(NamedTuple):
     free_momentum: Vector
     gaps: Vector
     gaps_moved: Vector
+    level: Vector
     base: Vector
     normals: Matrix
     normals_moved: Matrix

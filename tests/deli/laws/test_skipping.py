@@ -24,10 +24,11 @@ def test_skipping_changes_nothing_but_the_count(case: Case, method: object) -> N
     passes = (on.solves + on.skipped)[:, REFLECTION]
     assert (passes >= (off.solves + off.skipped)[:, REFLECTION]).all()
     assert (passes <= np.maximum(1, scene.bodies - 1) * (off.solves + off.skipped)[:, REFLECTION]).all()
-    assert (on.skipped[:, PROJECTION] == 1).all()
     assert (on.solves[:, PROJECTION] == 0).all()
-    assert (off.solves[:, PROJECTION] == 1).all()
     assert (off.skipped[:, PROJECTION] == 0).all()
+    np.testing.assert_array_equal(on.skipped[:, PROJECTION], off.solves[:, PROJECTION])
+    if isinstance(method, deli.DiscreteSmooth) or method.predictor == "forward":
+        assert (on.skipped[:, PROJECTION] == 1).all()  # landings in a closed loop take more
     # A position update is skipped, or takes as many solves as it has linearizations.
     assert (off.solves[:, POSITION] >= 1).all()
     assert (off.skipped[:, POSITION] == 0).all()

@@ -1,0 +1,189 @@
+"""Contacts that land: they keep their gap for a step, and the momentum along their gradients for the next.
+
+A contact lands where a reflection off it is undone within the step: a bounce shorter than h, or a boundary that curves
+back. Its gap is held at the level it had at q, so that (7.3-7.6) moves along that level as it does along the boundary,
+and is symplectic there. What the momentum has along its gradient takes no part in this motion and waits.
+"""
+
+import math
+
+from numba import types
+
+from deli.kernels.codes import AFFINE, DONE, PENETRATED, UNILATERAL_GRADIENTS
+from deli.kernels.compiled import kernel, unit
+from deli.kernels.contacts import VIOLATED, copy
+from deli.kernels.forces import ask, energy, gradient, hessian
+from deli.kernels.islands import connect
+from deli.kernels.machine import MACHINE, Machine
+from deli.kernels.projection import list_smooth, presses, tangent
+from deli.kernels.rows import normal
+
+
+@kernel
+def _land(machine: Machine, row: int) -> None:
+    work = machine.work
+    work.landing[row] = True
+    work.level[row] = max(work.gaps[row], 0.0)
+
+
+@kernel
+def spread_to_violated(machine: Machine) -> bool:
+    """Let what x violates join 𝔸, or land where all of it is there already; return whether anything did."""
+    system, work = machine.system, machine.work
+    rows, joined, landed = system.unilateral.kind.size, False, False
+    for row in range(rows):
+        violated = work.gaps_moved[row] < -VIOLATED * system.gap_scale[row]
+        if violated and not (work.active[row] or work.landing[row]):
+            work.active[row] = joined = True
+    if joined:
+        return True
+    for row in range(rows):
+        violated = work.gaps_moved[row] < -VIOLATED * system.gap_scale[row]
+        if violated and not (work.landing[row] or work.resting[row]):
+            _land(machine, row)
+            landed = True
+    return landed
+
+
+@kernel
+def trap(machine: Machine, taken: int) -> None:
+    """Let the contacts of a reflection's last pass land instead: between them, no direction is left to bounce in."""
+    work = machine.work
+    for k in range(taken):
+        work.active[work.pressing[k]] = False
+        _land(machine, work.pressing[k])
+
+
+@kernel
+def admissible(machine: Machine) -> int:
+    """Code of a step that may violate nothing by more than the contact tolerance."""
+    system, method, work = machine.system, machine.method, machine.work
+    if method.rows == AFFINE:
+        return DONE
+    for row in range(system.unilateral.kind.size):
+        if work.gaps_moved[row] < -method.contact_tolerance * system.gap_scale[row]:
+            work.report[0], work.report[1] = row, work.gaps_moved[row]
+            return PENETRATED
+    return DONE
+
+
+@kernel
+def _numerical_energy(machine: Machine, kinetic: bool) -> tuple[int, float, float, float]:
+    """Numerical Hamiltonian at x of ``work.carried``, and W between it and ``work.latent``, and of that with itself.
+
+    Without `kinetic`, at (q, p), and zeros.
+    """
+    system, method, work, mail = machine.system, machine.method, machine.work, machine.mail
+    q, p, latent, dof = work.q, work.p, work.latent, work.q.size
+    if kinetic:
+        q, p = work.moved, work.carried
+    code, total = energy(machine, q)
+    if code == DONE:
+        code = gradient(machine, q, work.stress)
+    if code == DONE:
+        code = hessian(machine, q)
+    mixed = square = 0.0
+    if code != DONE:
+        return code, total, mixed, square
+    for i in range(dof):
+        total += method.pull * work.stress[i] * work.stress[i] * system.inverse[i]
+        for j in range(dof):
+            metric = method.curvature * mail.hessian[i, j] * system.inverse[i] * system.inverse[j]
+            if i == j:
+                metric += system.inverse[i]
+            total += 0.5 * metric * p[i] * p[j]
+            mixed += metric * latent[i] * p[j]
+            square += metric * latent[i] * latent[j]
+    return code, total, mixed, square
+
+
+@kernel
+def _balance(machine: Machine) -> int:
+    """Add a ≥ 0 times ``work.latent`` so that the numerical Hamiltonian is that of (q, p), or as near as it gets."""
+    work = machine.work
+    code, wanted, _, _ = _numerical_energy(machine, False)
+    if code != DONE:
+        return code
+    code, found, mixed, square = _numerical_energy(machine, True)
+    if code != DONE or not square > 0.0:
+        return code
+    discriminant = mixed * mixed - 2.0 * square * (found - wanted)
+    share = max(0.0, (math.sqrt(max(0.0, discriminant)) - mixed) / square)
+    for k in range(work.q.size):
+        work.carried[k] += share * work.latent[k]
+    return DONE
+
+
+@kernel
+def _return(machine: Machine, count: int) -> None:
+    """Add ``work.latent`` to the momentum at x, in each island with the kinetic energy that it had at q."""
+    system, work, islands = machine.system, machine.work, machine.islands
+    dimension = system.dimension
+    groups = connect(machine, count, True, system.other_unilateral + system.other_bilateral > 0)
+    for group in range(groups):
+        had = left = 0.0
+        for k in range(islands.body_start[group], islands.body_start[group + 1]):
+            for axis in range(dimension):
+                dof = islands.bodies[k] * dimension + axis
+                had += work.before[dof] ** 2 * system.inverse[dof]
+                left += work.latent[dof] ** 2 * system.inverse[dof]
+        if not left > 0.0:
+            continue
+        share = math.sqrt(had / left)
+        for k in range(islands.body_start[group], islands.body_start[group + 1]):
+            for axis in range(dimension):
+                dof = islands.bodies[k] * dimension + axis
+                work.carried[dof] += share * work.latent[dof]
+
+
+@unit(types.int64, MACHINE, types.int64)
+def land(machine: Machine, smooth: int) -> int:
+    """Momentum at x where contacts land; on entry it is that of `carry`, tangent to 𝕊 and the bilateral constraints.
+
+    ``p⁺ = p_t + n`` at q and ``y = y_t + a n′`` at x, where p_t and y_t are tangent to the landed contacts too, n′ is
+    what n, brought to x, has in the span of the gradients there, and a >= 0 conserves energy: ``|a n′| = |n|`` in the
+    metric M⁻¹, island by island; or E(x, y) = E(q, p) for the numerical Hamiltonian.
+    """
+    system, method, work = machine.system, machine.method, machine.work
+    dof, tangential, latent = work.q.size, work.best, work.latent
+    there = work.predicted if method.rows == AFFINE else work.moved
+    resting = list_smooth(machine, smooth)
+    count = resting
+    for row in range(system.unilateral.kind.size):
+        if work.landing[row] and not work.resting[row] and presses(machine, row):
+            work.pressing[count] = row
+            count += 1
+            normal(system.unilateral, row, there, work.normals_moved)
+    if count == resting:
+        return DONE
+    if system.other_unilateral:
+        code = ask(machine, UNILATERAL_GRADIENTS, there)
+        if code != DONE:
+            return code
+        copy(machine.mail.unilateral_gradients, work.gradients_moved)
+    for k in range(dof):
+        tangential[k] = work.carried[k]
+        work.carried[k] = work.momentum[k]
+    code = tangent(machine, count, False)
+    if code != DONE:
+        return code
+    for k in range(dof):
+        work.before[k] = work.carried[k] = work.momentum[k] - work.carried[k]
+    code = tangent(machine, resting, True)
+    if code != DONE:
+        return code
+    for k in range(dof):
+        latent[k] = work.carried[k]
+    code = tangent(machine, count, True)
+    if code != DONE:
+        return code
+    for k in range(dof):
+        latent[k] -= work.carried[k]
+        work.carried[k] = tangential[k]
+    code = tangent(machine, count, True)
+    if code != DONE:
+        return code
+    if method.numerical and system.curved:
+        return _balance(machine)
+    _return(machine, count)
+    return DONE
