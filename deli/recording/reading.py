@@ -50,6 +50,18 @@ def read(path: Path) -> tuple[Groups, dict[str, Any]]:
         return groups, attributes_of(dataset)
 
 
+def read_attributes(path: Path) -> dict[str, Any]:
+    """Read root attributes only.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or is no netCDF file.
+    """
+    with LIBRARY, _open(path) as dataset:
+        return attributes_of(dataset)
+
+
 def read_subproblems(path: Path) -> tuple[list[PosedSubproblem], list[str]]:
     """Read the subproblems in a file: a run's, or a library's.
 

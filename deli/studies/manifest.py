@@ -32,7 +32,7 @@ class Manifest:
     def __init__(
         self, folder: Path, study: Study, earlier: dict[str, Any] | None, session: dict[str, Any] | None
     ) -> None:
-        self._path, self._written = folder / MANIFEST, 0.0
+        self._path, self._written, self._behind = folder / MANIFEST, 0.0, False
         records = {} if earlier is None else earlier["runs"]
         fresh = {"state": WAITING, "reason": "", "seconds": 0.0}
         self.runs: dict[str, Record] = {
@@ -60,9 +60,15 @@ class Manifest:
         }
 
     def set(self, digest: str, **changes: Any) -> None:
-        """Change a run's record, and write the manifest if it is time to."""
+        """Change a run's record; an end is written at once, a beginning by `keep_up`."""
         self.runs[digest] |= changes
-        if changes.get("state") != RUNNING or time.monotonic() - self._written > SECONDS_BETWEEN_WRITES:
+        self._behind = True
+        if changes.get("state") != RUNNING:
+            self.write()
+
+    def keep_up(self) -> None:
+        """Write what has changed, if that was not done a moment ago."""
+        if self._behind and time.monotonic() - self._written > SECONDS_BETWEEN_WRITES:
             self.write()
 
     def write(self) -> None:
@@ -70,7 +76,7 @@ class Manifest:
         if self._sessions:
             self._sessions[-1]["end"] = now()
         write_whole(self._path, json.dumps({**self._rest, "runs": self.runs}, indent=1))
-        self._written = time.monotonic()
+        self._written, self._behind = time.monotonic(), False
 
 
 def _circumstances() -> dict[str, Any]:

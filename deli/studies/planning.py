@@ -6,12 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import netCDF4
-
-from deli.errors import InputError
-from deli.recording.netcdf import LIBRARY, attributes_of
 from deli.recording.paths import partial_path
 from deli.recording.provenance import NONE_USED, backend_version, flatten, version
+from deli.recording.reading import read_attributes
 from deli.studies.expansion import Case, Study
 from deli.studies.layout import config_path, run_path
 from deli.studies.measuring import EXACT, definition, measured
@@ -74,7 +71,7 @@ _MISSING = "missing"
 def _of_run(case: Case, file: Path, record: Mapping[str, Any], retry: bool) -> Decision:
     state = record.get("state")
     if file.exists():
-        known = record if state in (DONE, FAILED) and "outcome" in record else _attributes(file)
+        known = record if state in (DONE, FAILED) and "outcome" in record else read_attributes(file)
         newer = _newer_versions(known["deli_version"], known["backend_versions"])
         if newer:
             return Decision(case, RUN, newer, fresh=True)
@@ -91,7 +88,7 @@ def _of_run(case: Case, file: Path, record: Mapping[str, Any], retry: bool) -> D
         return Decision(case, KEEP, str(state))
     if not begun:
         return Decision(case, RUN, _MISSING, record={"state": WAITING, "reason": "", "seconds": 0.0})
-    newer = _newer_versions(_attributes(partial_path(file))["deli_version"], NONE_USED)
+    newer = _newer_versions(read_attributes(partial_path(file))["deli_version"], NONE_USED)
     return Decision(case, RUN, newer or "unfinished", fresh=bool(newer), record={"state": INTERRUPTED})
 
 
@@ -110,14 +107,6 @@ def _remeasured(decision: Decision, study: Study, folder: Path, again: set[str])
     elif reference in again:
         why = "the reference runs again"
     return Decision(decision.case, MEASURE, why, record=decision.record) if why else decision
-
-
-def _attributes(file: Path) -> dict[str, Any]:
-    try:
-        with LIBRARY, netCDF4.Dataset(file) as dataset:
-            return attributes_of(dataset)
-    except OSError as error:
-        raise InputError(f"{file} cannot be read ({error}); remove it, or let its run end.") from error
 
 
 def _newer_versions(deli: str, backends: str) -> str:

@@ -166,6 +166,7 @@ class _Conductor:
             waiting = [] if stopping else self._submit(waiting)
             with suppress(queue.Empty):
                 self._note(*self._scheduler.events.get(timeout=TICK_SECONDS))
+            self._manifest.keep_up()
             self._watcher.tick()
 
     def _submit(self, waiting: list[Decision]) -> list[Decision]:

@@ -22,6 +22,8 @@ from deli.studies.worker import Order, line_of
 POLL_SECONDS = 0.05
 GRACE_SECONDS = 10.0
 """How long a worker may take to end its step and write its rows."""
+WARM_UP_SECONDS = 60.0
+"""How long compiling and loading may take before a case's own time begins to count."""
 SWOLLEN = 0.1
 """Part of the memory limit that a worker may keep from earlier cases."""
 
@@ -130,7 +132,7 @@ class Supervisor:
             process.stdin.flush()
         except BrokenPipeError:
             return {"state": KILLED, "reason": self._died(process)}
-        limits, cause, give_up, peak = self._limits, None, float("inf"), 0
+        limits, cause, give_up, peak, ready = self._limits, None, float("inf"), 0, WARM_UP_SECONDS
         while True:
             answer = self._next()
             peak = max(peak, _memory(process.pid))
@@ -143,6 +145,8 @@ class Supervisor:
             if "step" in answer:
                 report(answer["step"])
             now = time.monotonic()
+            if "began" in answer:
+                began, ready = now, 0.0
             if cause is None:
                 if limits.memory is not None and peak > limits.memory:
                     cause = {
@@ -150,7 +154,7 @@ class Supervisor:
                         "reason": f"{peak / 1e6:.0f} MB, limit {limits.memory / 1e6:.0f} MB",
                     }
                     process.kill()
-                elif limits.time is not None and order.spent + now - began > limits.time:
+                elif limits.time is not None and order.spent + now - began > limits.time + ready:
                     cause = {"state": TIMED_OUT, "reason": f"limit {limits.time:g} s"}
                 elif stopped():
                     cause = {"state": INTERRUPTED, "reason": ""}

@@ -10,12 +10,15 @@ import signal
 import sys
 import threading
 import time
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
 REPORT_SECONDS = 0.25
 PATIENCE_SECONDS, RETRY_SECONDS = 20.0, 0.1
+
+_met: set[tuple[str, str]] = set()
 
 
 @dataclass(frozen=True)
@@ -50,15 +53,12 @@ def main() -> None:
     orders: queue.SimpleQueue[str | None] = queue.SimpleQueue()
     busy = threading.Event()
     threading.Thread(target=_listen, args=(orders, busy), daemon=True).start()
-    try:
-        _prepare()
-        _say(answers, ready=True)
-        while (line := orders.get()) is not None:
-            busy.set()
-            _say(answers, ended=_carry_out(Order(**json.loads(line)), answers))
-            busy.clear()
-    except BrokenPipeError:  # nobody listens any more
-        os._exit(1)
+    _prepare()
+    _say(answers, ready=True)
+    while (line := orders.get()) is not None:
+        busy.set()
+        _say(answers, ended=_carry_out(Order(**json.loads(line)), answers))
+        busy.clear()
 
 
 def _listen(orders: "queue.SimpleQueue[str | None]", busy: threading.Event) -> None:
@@ -93,6 +93,8 @@ def _carry_out(order: Order, answers: TextIO) -> dict[str, Any]:
             _say(answers, step=step)
 
     try:
+        _warm_up(order)
+        _say(answers, began=True)
         attributes = _run(order, report)
     except Interrupted as stopped:
         return {"state": INTERRUPTED, "reason": stopped.run.attrs["outcome"]}
@@ -103,6 +105,20 @@ def _carry_out(order: Order, answers: TextIO) -> dict[str, Any]:
     outcome = attributes["outcome"]
     state, reason = (DONE, "") if outcome == "complete" else (FAILED, outcome)
     return {"state": state, "reason": reason, **attributes}
+
+
+def _warm_up(order: Order) -> None:
+    """Take a step of a kind of run that this process has not met: compiling and loading is no part of a case's time."""
+    from deli.config import parse
+    from deli.errors import StepError
+
+    kind = (order.config["scene"]["name"], json.dumps(order.config["method"], sort_keys=True))
+    if kind in _met:
+        return
+    _met.add(kind)
+    plan = parse(order.config).plan()
+    with suppress(StepError):  # the run itself will meet it
+        plan.stepper().step(plan.scene.position, plan.scene.momentum)
 
 
 def _run(order: Order, report: Any) -> dict[str, str]:
@@ -130,7 +146,8 @@ def _run(order: Order, report: Any) -> dict[str, str]:
 
 
 def _say(answers: TextIO, **message: Any) -> None:
-    answers.write(json.dumps(message) + "\n")
+    with suppress(BrokenPipeError):  # whoever listened is gone, and `_listen` has noticed, too
+        answers.write(json.dumps(message) + "\n")
 
 
 def line_of(order: Order) -> str:
