@@ -11,11 +11,12 @@ from matplotlib.colors import LogNorm
 from matplotlib.patches import Rectangle
 
 from deli.errors import InputError
-from deli.plotting.lines import color, draw_line, unit
+from deli.plotting.lines import COLORS, color, draw_line, unit
 from deli.plotting.style import STYLE, new_figure
 from deli.recording.schema import TRAJECTORY, dataset_of
 
 MARKERS = "osD^vPX*"
+MOST_WORDS = 8  # columns of a heat map up to which the numbers are written into it
 FLOOR = 1e-17  # where zeros are drawn on a logarithmic axis
 
 
@@ -95,6 +96,8 @@ def work_precision(
 def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = None) -> Axes:
     """Draw a metric over two axes of a study, on a logarithmic colour scale; where a case failed is crossed out.
 
+    Numbers are written into the cells where there is room.
+
     Parameters
     ----------
     data : xarray.Dataset
@@ -121,10 +124,14 @@ def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = Non
     mesh = axes.pcolormesh(
         np.clip(worst, low, None), cmap="cividis", norm=LogNorm(low, max(high, 10.0 * low)), edgecolors="white"
     )
-    for row, column in zip(*np.nonzero(failed), strict=True):
+    for row, column in np.argwhere(np.isfinite(worst)) if data.sizes[x] <= MOST_WORDS else ():
+        dark = mesh.norm(max(worst[row, column], low)) < 0.5
+        style: Any = {"ha": "center", "va": "center", "fontsize": 7, "color": "white" if dark else "black"}
+        axes.text(column + 0.5, row + 0.5, f"{worst[row, column]:.3g}", **style)
+    for row, column in np.argwhere(failed):
         axes.add_patch(Rectangle((column, row), 1, 1, facecolor="0.88", edgecolor="0.45", hatch="xx", linewidth=0.5))
     for name, ticks, label in ((x, axes.set_xticks, axes.set_xlabel), (y, axes.set_yticks, axes.set_ylabel)):
-        words = [_word(entry) for entry in data[name].values]
+        words = [_word(entry) for entry in data[name].values.tolist()]
         ticks(np.arange(len(words)) + 0.5, words)
         label(name)
     axes.tick_params(axis="x", labelrotation=45 if data.sizes[x] > 5 else 0)
@@ -218,7 +225,8 @@ def _front(points: np.ndarray) -> np.ndarray:
 
 
 def _marker(index: int) -> str:
-    return MARKERS[index % len(MARKERS)]
+    """Another one where colours begin again."""
+    return MARKERS[(index + index // len(COLORS)) % len(MARKERS)]
 
 
 def _finish(axes: Axes) -> Axes:
