@@ -117,17 +117,17 @@ def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = Non
         _require(data, name)
     others = [str(name) for name in data[value].dims if name not in (x, y)]
     complete = _complete(data)
-    worst = abs(data[value]).where(complete).max(others).transpose(y, x).values
-    failed = (~complete).any(others).transpose(y, x).values
+    worst: np.ndarray = abs(data[value]).where(complete).max(others).transpose(y, x).values
+    failed = (~complete & (data["state"] != "excluded")).any(others).transpose(y, x).values
     positive = worst[np.isfinite(worst) & (worst > 0.0)]
-    low, high = (positive.min(), positive.max()) if positive.size else (FLOOR, 1.0)
-    mesh = axes.pcolormesh(
-        np.clip(worst, low, None), cmap="cividis", norm=LogNorm(low, max(high, 10.0 * low)), edgecolors="white"
-    )
-    for row, column in np.argwhere(np.isfinite(worst)) if data.sizes[x] <= MOST_WORDS else ():
-        dark = mesh.norm(max(worst[row, column], low)) < 0.5
-        style: Any = {"ha": "center", "va": "center", "fontsize": 7, "color": "white" if dark else "black"}
-        axes.text(column + 0.5, row + 0.5, f"{worst[row, column]:.3g}", **style)
+    low, high = (float(positive.min()), float(positive.max())) if positive.size else (FLOOR, 1.0)
+    norm = LogNorm(low, max(high, 10.0 * low))
+    mesh = axes.pcolormesh(np.clip(worst, low, None), cmap="cividis", norm=norm, edgecolors="white")
+    for row, column in np.argwhere(np.isfinite(worst) & ~failed) if data.sizes[x] <= MOST_WORDS else ():
+        number = float(worst[row, column])
+        style: Any = {"ha": "center", "va": "center", "fontsize": 7}
+        hue = "white" if float(norm(max(number, low))) < 0.5 else "black"
+        axes.text(column + 0.5, row + 0.5, f"{number:.3g}", color=hue, **style)
     for row, column in np.argwhere(failed):
         axes.add_patch(Rectangle((column, row), 1, 1, facecolor="0.88", edgecolor="0.45", hatch="xx", linewidth=0.5))
     for name, ticks, label in ((x, axes.set_xticks, axes.set_xlabel), (y, axes.set_yticks, axes.set_ylabel)):

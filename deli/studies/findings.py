@@ -183,7 +183,7 @@ def _impacts(study: xr.Dataset, axis: str) -> Iterator[str]:
     moved = _matched(study, "drift_per_impact", axis)
     if moved is None or axis == SOLVER or np.issubdtype(study[axis].dtype, np.number):
         return
-    typical = np.sqrt((moved**2).mean([name for name in moved.dims if name not in (axis, SCENE)]))
+    typical = xr.DataArray(np.sqrt((moved**2).mean([name for name in moved.dims if name not in (axis, SCENE)])))
     told = []
     for scene in typical[SCENE].values if SCENE in typical.dims else [None]:
         row = typical if scene is None else typical.sel({SCENE: scene})
