@@ -11,11 +11,12 @@ from matplotlib.colors import LogNorm
 from matplotlib.patches import Rectangle
 
 from deli.errors import InputError
-from deli.plotting.lines import color, draw_line, unit
+from deli.plotting.lines import COLORS, color, draw_line, unit
 from deli.plotting.style import STYLE, new_figure
 from deli.recording.schema import TRAJECTORY, dataset_of
 
 MARKERS = "osD^vPX*"
+MOST_WORDS = 8  # columns of a heat map up to which the numbers are written into it
 FLOOR = 1e-17  # where zeros are drawn on a logarithmic axis
 
 
@@ -95,6 +96,8 @@ def work_precision(
 def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = None) -> Axes:
     """Draw a metric over two axes of a study, on a logarithmic colour scale; where a case failed is crossed out.
 
+    Numbers are written into the cells where there is room.
+
     Parameters
     ----------
     data : xarray.Dataset
@@ -114,17 +117,21 @@ def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = Non
         _require(data, name)
     others = [str(name) for name in data[value].dims if name not in (x, y)]
     complete = _complete(data)
-    worst = abs(data[value]).where(complete).max(others).transpose(y, x).values
-    failed = (~complete).any(others).transpose(y, x).values
+    worst: np.ndarray = abs(data[value]).where(complete).max(others).transpose(y, x).values
+    failed = (~complete & (data["state"] != "excluded")).any(others).transpose(y, x).values
     positive = worst[np.isfinite(worst) & (worst > 0.0)]
-    low, high = (positive.min(), positive.max()) if positive.size else (FLOOR, 1.0)
-    mesh = axes.pcolormesh(
-        np.clip(worst, low, None), cmap="cividis", norm=LogNorm(low, max(high, 10.0 * low)), edgecolors="white"
-    )
-    for row, column in zip(*np.nonzero(failed), strict=True):
+    low, high = (float(positive.min()), float(positive.max())) if positive.size else (FLOOR, 1.0)
+    norm = LogNorm(low, max(high, 10.0 * low))
+    mesh = axes.pcolormesh(np.clip(worst, low, None), cmap="cividis", norm=norm, edgecolors="white")
+    for row, column in np.argwhere(np.isfinite(worst) & ~failed) if data.sizes[x] <= MOST_WORDS else ():
+        number = float(worst[row, column])
+        style: Any = {"ha": "center", "va": "center", "fontsize": 7}
+        hue = "white" if float(norm(max(number, low))) < 0.5 else "black"
+        axes.text(column + 0.5, row + 0.5, f"{number:.3g}", color=hue, **style)
+    for row, column in np.argwhere(failed):
         axes.add_patch(Rectangle((column, row), 1, 1, facecolor="0.88", edgecolor="0.45", hatch="xx", linewidth=0.5))
     for name, ticks, label in ((x, axes.set_xticks, axes.set_xlabel), (y, axes.set_yticks, axes.set_ylabel)):
-        words = [_word(entry) for entry in data[name].values]
+        words = [_word(entry) for entry in data[name].values.tolist()]
         ticks(np.arange(len(words)) + 0.5, words)
         label(name)
     axes.tick_params(axis="x", labelrotation=45 if data.sizes[x] > 5 else 0)
@@ -218,7 +225,8 @@ def _front(points: np.ndarray) -> np.ndarray:
 
 
 def _marker(index: int) -> str:
-    return MARKERS[index % len(MARKERS)]
+    """Another one where colours begin again."""
+    return MARKERS[(index + index // len(COLORS)) % len(MARKERS)]
 
 
 def _finish(axes: Axes) -> Axes:

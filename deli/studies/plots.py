@@ -65,7 +65,9 @@ def check_plots(plots: list[Plot], study: xr.Dataset) -> None:
 
 def draw(plot: Plot, study: xr.Dataset) -> Figure:
     """Draw one plot of a study, in a panel or one for each label of an axis."""
-    chosen = study.sel({name: [label] for name, label in plot.where.items()})
+    chosen = study
+    for name, label in plot.where.items():
+        chosen = _at(chosen, name, label)
     labels = [None] if plot.panels is None else list(chosen[plot.panels].values)
     columns = min(len(labels), MOST_COLUMNS)
     rows = -(-len(labels) // columns)
@@ -73,7 +75,7 @@ def draw(plot: Plot, study: xr.Dataset) -> Figure:
         figure = new_figure((2.4 + PANEL[0] * columns, PANEL[1] * rows))
         grid = figure.subplots(rows, columns, squeeze=False).ravel()
         for axes, label in zip(grid, labels, strict=False):
-            _DRAW[plot.kind](plot, axes, chosen if label is None else chosen.sel({plot.panels: [label]}))
+            _DRAW[plot.kind](plot, axes, chosen if label is None else _at(chosen, str(plot.panels), label))
             if label is not None:
                 axes.set_title(str(label))
         for axes in grid[: len(labels) - 1]:
@@ -83,6 +85,11 @@ def draw(plot: Plot, study: xr.Dataset) -> Figure:
         for axes in grid[len(labels) :]:
             axes.remove()
     return figure
+
+
+def _at(study: xr.Dataset, name: str, label: Any) -> xr.Dataset:
+    """The part with one label of an axis, which stays (xarray would take ``[False]`` for a mask)."""
+    return study.isel({name: np.flatnonzero(study[name].values == label)})
 
 
 def _draw_traces(plot: EnergyTraces, axes: Axes, study: xr.Dataset) -> None:

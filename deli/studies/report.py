@@ -14,14 +14,14 @@ import xarray as xr
 from markdown_it import MarkdownIt
 from pydantic import TypeAdapter
 
-from deli.studies.findings import COMPLETE, findings
+from deli.studies.findings import COMPLETE, SCENE, findings
 from deli.studies.plot_tables import Plot
 from deli.studies.plots import check_plots, draw, first_look
 from deli.studies.states import DONE, EXCLUDED
 
 PICTURES, RAN = "report", ("machine", "workers", "deli_version")
 DPI = 110
-MOST_ROWS = 300
+MOST_ROWS = 1000
 COLUMNS = (
     "energy_band", "energy_drift", "momentum_error", "angular_momentum_error", "violation_worst", "equality_residual",
     "trajectory_error", "smooth_contacts", "solves", "verified_solves", "iterations", "solver_time", "wall_time",
@@ -30,9 +30,11 @@ STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; }
 h1, h2 { font-weight: 600; line-height: 1.2; }
 table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; 
-  display: block; overflow-x: auto; }
-th, td { padding: .2rem .6rem; border-bottom: 1px solid #ddd; text-align: right; white-space: nowrap; }
-th:first-child, td:first-child { text-align: left; }
+  display: block; overflow: auto; max-height: 40rem; }
+thead th { position: sticky; top: 0; background: white; }
+th, td { padding: .2rem .6rem; border-bottom: 1px solid #ddd; text-align: right; }
+th { vertical-align: bottom; }
+th:first-child, td:first-child { text-align: left; white-space: nowrap; }
 img { max-width: 100%; }
 code { background: #f4f4f4; padding: 0 .2em; }
 """
@@ -79,6 +81,7 @@ def write_report(study: xr.Dataset) -> tuple[Path, Path]:
 
 def _page(title: str, text: str, folder: Path) -> str:
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    body = re.sub(r"<th>.*?</th>", lambda found: found[0].replace("_", "_<wbr>"), body)
     body = re.sub(r'src="([^"]+)"', lambda found: f'src="{_inlined(folder / found[1])}"', body)
     return (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{html.escape(title)}</title>\n'
@@ -95,8 +98,10 @@ def _list(lines: Any) -> str:
 
 
 def _cases(study: xr.Dataset) -> str:
-    """One row a case; of a study with too many, geometric means over the last axes."""
-    axes = [str(name) for name in study["state"].dims]
+    """One row a case, scenes first, without axes of one label; of too many, geometric means over the last axes."""
+    names = sorted((str(name) for name in study["state"].dims), key=lambda name: name != SCENE)
+    axes = [name for name in names if study.sizes[name] > 1] or names[:1]
+    study = study.isel({name: 0 for name in names if name not in axes}).transpose(*axes)
     shown = [name for name in COLUMNS if study[name].notnull().any()]
     if study["state"].size <= MOST_ROWS:
         return _table([*axes, "state", *shown], list(_rows(study, axes, shown)))
@@ -138,4 +143,6 @@ def _table(header: list[str], rows: list[list[str]]) -> str:
 
 
 def _word(value: Any) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
+    if not isinstance(value, float):
+        return str(value)
+    return f"{value:.3g}" if np.isfinite(value) else "–"

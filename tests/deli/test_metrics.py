@@ -99,3 +99,11 @@ class TestTrajectoryError:
             metrics.trajectory_error(other, ball)
         with pytest.raises(deli.InputError, match="degrees of freedom"):
             metrics.trajectory_error(deli.simulate(deli.scenes.pogo_stick(), deli.GVI(), step_size=0.01, steps=5), ball)
+
+
+def test_drift_per_impact_is_the_drift_of_the_whole_run_by_reflected_contact(ball):
+    time, struck = ball["trajectory"]["time"].values, np.zeros(401, dtype=int)
+    struck[[5, 9, 70]] = [1, 3, 1]
+    found = metrics.drift_per_impact(changed(ball, hamiltonian=2.0 - 0.5 * time, reflected_contacts=struck))
+    assert found == pytest.approx(-0.5 * time[-1] / 5)
+    assert np.isnan(metrics.drift_per_impact(changed(ball, reflected_contacts=0)))

@@ -104,6 +104,8 @@ def test_a_study_chooses_its_plots(folder):
     study.attrs["study"] = STUDY + PLOTS
     _, text = write_report(study)
     assert re.findall(r"!\[(.*?)\]", text.read_text()) == ["Contacts that last"]
+    study.attrs["study"] = (STUDY + PLOTS).replace("where = {", "where = { polish = false,")
+    write_report(study.expand_dims(polish=[False]).transpose("scene", ...))  # no mask
     for wrong, found in (('x = "solver"', 'x = "solvers"'), ('spring_sphere" }', 'sphere" }')):
         study.attrs["study"] = STUDY + PLOTS.replace(wrong, found)
         with pytest.raises(deli.InputError, match=r"plots\.0\.(x|where\.scene) is 's\w+'; allowed: .*s"):
