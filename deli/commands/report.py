@@ -1,11 +1,16 @@
 """``deli report``: what a study found, as a page."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from deli.commands.console import console, guarded
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from deli.studies.plot_tables import HeatMap
 
 
 @guarded
@@ -15,15 +20,49 @@ def report(
 ) -> None:
     """Write what a study found: DIR/report.html, a page that needs no other file, and DIR/report.md.
 
-    Findings in sentences computed from the data, the plots that the study's file asks for under `[[plots]]` (or a first
-    look), a table of cases, failures by reason, and what ran where. Exit status: 0 done, 2 the input is at fault.
+    Prints the first heat map as a table, and the findings: sentences computed from the data. The report has these,
+    the plots that the study's file asks for under `[[plots]]` (or a first look), a table of cases, failures by reason,
+    and what ran where. Exit status: 0 done, 2 the input is at fault.
     """
     from deli.studies.findings import findings
     from deli.studies.opening import open_study
-    from deli.studies.report import write_report
+    from deli.studies.plot_tables import HeatMap
+    from deli.studies.report import plots_of, write_report
 
     study = open_study(folder)
     page, text = write_report(study)
     if not quiet:
+        maps = [plot for plot in plots_of(study) if isinstance(plot, HeatMap)]
+        for plot in maps[:1]:
+            _print_map(plot, study)
         console().print("\n".join(f"- {sentence}" for sentence in findings(study)), markup=False, soft_wrap=True)
         console().print(f"Report in {page} and {text}", markup=False, soft_wrap=True)
+
+
+def _print_map(plot: "HeatMap", study: "xr.Dataset") -> None:
+    """Print a heat map as a table: a row for each place along its y, a block of columns for each panel."""
+    from rich.table import Table
+    from rich.text import Text
+
+    from deli.studies.plots import panels_of
+
+    parts = panels_of(plot, study)
+    table = Table(title=f"{plot.title}: {study[plot.value].attrs['long_name']}", title_justify="left")
+    table.add_column(plot.y)
+    for title in parts:
+        for label in study[plot.x].values:
+            table.add_column(Text(f"{title}\n{_word(label)}".strip()), justify="right")
+    for place in range(study.sizes[plot.y]):
+        row = [part.isel({plot.y: place, plot.x: k}) for part in parts.values() for k in range(part.sizes[plot.x])]
+        table.add_row(Text(_word(study[plot.y].values[place])), *(Text(_worst(cases, plot.value)) for cases in row))
+    console().print(table)
+
+
+def _worst(cases: "xr.Dataset", value: str) -> str:
+    """The metric of largest magnitude of the cases, or how a case stands that has none."""
+    unfinished = [str(state) for state in cases["state"].values.ravel() if state != "done"]
+    return unfinished[0] if unfinished else _word(float(abs(cases[value]).max()))
+
+
+def _word(label: Any) -> str:
+    return f"{label:.3g}" if isinstance(label, float) else str(label)

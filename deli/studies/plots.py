@@ -63,21 +63,28 @@ def check_plots(plots: list[Plot], study: xr.Dataset) -> None:
                 raise InputError(f"plots.{number}.where.{axis} is {label!r}; allowed: {known}.")
 
 
-def draw(plot: Plot, study: xr.Dataset) -> Figure:
-    """Draw one plot of a study, in a panel or one for each label of an axis."""
+def panels_of(plot: Plot, study: xr.Dataset) -> dict[str, xr.Dataset]:
+    """What each panel of a plot shows, by its title; a plot without panels has one, without a title."""
     chosen = study
     for name, label in plot.where.items():
         chosen = _at(chosen, name, label)
-    labels = [None] if plot.panels is None else list(chosen[plot.panels].values)
+    if plot.panels is None:
+        return {"": chosen}
+    return {str(label): _at(chosen, plot.panels, label) for label in chosen[plot.panels].values}
+
+
+def draw(plot: Plot, study: xr.Dataset) -> Figure:
+    """Draw one plot of a study, in a panel or one for each label of an axis."""
+    parts = panels_of(plot, study)
+    labels = list(parts)
     columns = min(len(labels), MOST_COLUMNS)
     rows = -(-len(labels) // columns)
     with matplotlib.rc_context(STYLE):
         figure = new_figure((2.4 + PANEL[0] * columns, PANEL[1] * rows))
         grid = figure.subplots(rows, columns, squeeze=False).ravel()
-        for axes, label in zip(grid, labels, strict=False):
-            _DRAW[plot.kind](plot, axes, chosen if label is None else _at(chosen, str(plot.panels), label))
-            if label is not None:
-                axes.set_title(str(label))
+        for axes, (label, part) in zip(grid, parts.items(), strict=False):
+            _DRAW[plot.kind](plot, axes, part)
+            axes.set_title(label)
         for axes in grid[: len(labels) - 1]:
             legend = axes.get_legend()
             if legend is not None and columns > 1:  # the last panel's stands for all

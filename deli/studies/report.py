@@ -40,6 +40,20 @@ code { background: #f4f4f4; padding: 0 .2em; }
 """
 
 
+def plots_of(study: xr.Dataset) -> list[Plot]:
+    """Plots that a study's file asks for, or a first look.
+
+    Raises
+    ------
+    InputError
+        If they show what the study does not have.
+    """
+    asked = TypeAdapter(list[Plot]).validate_python(tomllib.loads(study.attrs["study"]).get("plots", []))
+    plots = asked or first_look(study)
+    check_plots(plots, study)
+    return plots
+
+
 def write_report(study: xr.Dataset) -> tuple[Path, Path]:
     """Write ``report.md`` with its pictures, and ``report.html`` that holds everything, into a study's folder.
 
@@ -58,9 +72,7 @@ def write_report(study: xr.Dataset) -> tuple[Path, Path]:
         If the study's file asks for plots of what the study does not have.
     """
     folder, title = Path(study.attrs["folder"]), study.attrs["title"]
-    asked = TypeAdapter(list[Plot]).validate_python(tomllib.loads(study.attrs["study"]).get("plots", []))
-    plots = asked or first_look(study)
-    check_plots(plots, study)
+    plots = plots_of(study)
     pictures = folder / PICTURES
     pictures.mkdir(exist_ok=True)
     blocks = [f"# {title}", "## What it found", _list(findings(study))]

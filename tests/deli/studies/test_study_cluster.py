@@ -43,8 +43,8 @@ def local(tmp_path_factory):
 
 def test_limits_and_interruptions_hold_there_too(folder, cluster, local):
     address, _ = cluster
-    endless = {"base": SEEDS["base"], "cases": [{"label": "endless", "steps": 10**9, "record.every": 10**6}, {"steps": 300}]}
-    limited = {**endless, "limits": {"time": 3.0}}
+    endless = {"label": "endless", "steps": 10**9, "record.every": 10**6}
+    limited = {"base": SEEDS["base"], "cases": [endless, {"steps": 300}], "limits": {"time": 3.0}}
     assert run(folder, limited, address=address).states == {"timed out": 1, "done": 1}
     stopped = folder / "stopped"
     stopped.mkdir()
