@@ -96,7 +96,7 @@ def work_precision(
 def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = None) -> Axes:
     """Draw a metric over two axes of a study, on a logarithmic colour scale; where a case failed is crossed out.
 
-    Numbers are written into the cells where there is room.
+    Numbers are written into the cells where there is room; zero has no colour.
 
     Parameters
     ----------
@@ -122,11 +122,11 @@ def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = Non
     positive = worst[np.isfinite(worst) & (worst > 0.0)]
     low, high = (float(positive.min()), float(positive.max())) if positive.size else (FLOOR, 1.0)
     norm = LogNorm(low, max(high, 10.0 * low))
-    mesh = axes.pcolormesh(np.clip(worst, low, None), cmap="cividis", norm=norm, edgecolors="white")
+    mesh = axes.pcolormesh(np.where(worst > 0.0, worst, np.nan), cmap="cividis", norm=norm, edgecolors="white")
     for row, column in np.argwhere(np.isfinite(worst) & ~failed) if data.sizes[x] <= MOST_WORDS else ():
         number = float(worst[row, column])
         style: Any = {"ha": "center", "va": "center", "fontsize": 7}
-        hue = "white" if float(norm(max(number, low))) < 0.5 else "black"
+        hue = "white" if number > 0.0 and float(norm(number)) < 0.5 else "black"
         axes.text(column + 0.5, row + 0.5, f"{number:.3g}", color=hue, **style)
     for row, column in np.argwhere(failed):
         axes.add_patch(Rectangle((column, row), 1, 1, facecolor="0.88", edgecolor="0.45", hatch="xx", linewidth=0.5))
