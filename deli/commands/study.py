@@ -86,8 +86,8 @@ def study(
 
         [[plots]]                       # of `deli report`
         kind = "pareto"                 # or work_precision,
-        title = "Worth its time?"       # heat_map, energy_traces
-        x = "wall_time"
+        title = "Worth its time?"       # heat_map, profile,
+        x = "wall_time"                 # energy_traces
         y = "energy_band"
         by = "solver"
 

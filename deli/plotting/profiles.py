@@ -18,6 +18,14 @@ ROUNDING = 1e-16
 def draw_profile(axes: Axes, data: xr.Dataset) -> None:
     """Draw the share of problems that each backend solves within a factor of the fastest (Dolan and Moré 2002)."""
     profile = performance_profile(data)
+    draw_shares(axes, profile)
+    axes.set_xlabel("time over that of the fastest backend on the problem")
+    axes.set_ylabel("share of problems solved, verified")
+    axes.set_title(f"performance profile ({data.sizes['problem']:,} problems, tolerance {data.attrs['tolerance']:g})")
+
+
+def draw_shares(axes: Axes, profile: xr.DataArray) -> None:
+    """Draw what `performance_profile` returns, a line for each backend."""
     ratio = profile["ratio"].values
     end = max(2.0, 1.5 * float(ratio[-1]))
     for index, name in enumerate(profile["backend"].values):
@@ -26,9 +34,6 @@ def draw_profile(axes: Axes, data: xr.Dataset) -> None:
     axes.set_xscale("log")
     axes.set_xlim(1.0, end)
     axes.set_ylim(0.0, 1.02)
-    axes.set_xlabel("time over that of the fastest backend on the problem")
-    axes.set_ylabel("share of problems solved, verified")
-    axes.set_title(f"performance profile ({data.sizes['problem']:,} problems, tolerance {data.attrs['tolerance']:g})")
 
 
 def draw_errors(axes: Axes, data: xr.Dataset) -> None:

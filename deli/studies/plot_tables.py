@@ -43,6 +43,14 @@ class HeatMap(_Plot):
     value: str
 
 
+class Profile(_Plot):
+    """Share of cases done within a factor of the least cost, one line a label of an axis (Dolan and Moré 2002)."""
+
+    kind: Literal["profile"] = "profile"
+    cost: str
+    by: str
+
+
 class EnergyTraces(_Plot):
     """Energy over time of the cases along an axis, the first case of all other axes."""
 
@@ -50,4 +58,4 @@ class EnergyTraces(_Plot):
     by: str
 
 
-Plot = Annotated[Pareto | WorkPrecision | HeatMap | EnergyTraces, Field(discriminator="kind")]
+Plot = Annotated[Pareto | WorkPrecision | HeatMap | Profile | EnergyTraces, Field(discriminator="kind")]

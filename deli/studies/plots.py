@@ -11,12 +11,17 @@ from matplotlib.figure import Figure
 
 from deli.errors import InputError
 from deli.plotting import comparison
+from deli.plotting.profiles import draw_shares
 from deli.plotting.style import STYLE, new_figure
+from deli.replaying.profiles import performance_profile
 from deli.studies.findings import SCENE
-from deli.studies.plot_tables import EnergyTraces, HeatMap, Pareto, Plot, WorkPrecision
+from deli.studies.plot_tables import EnergyTraces, HeatMap, Pareto, Plot, Profile, WorkPrecision
+from deli.studies.states import DONE, EXCLUDED
 
 PANEL, MOST_COLUMNS = (4.2, 3.6), 3
 MOST_TRACES = 6
+LEAST_COST = 1e-9
+"""Costs below it count as equal."""
 
 
 def first_look(study: xr.Dataset) -> list[Plot]:
@@ -99,6 +104,21 @@ def _at(study: xr.Dataset, name: str, label: Any) -> xr.Dataset:
     return study.isel({name: np.flatnonzero(study[name].values == label)})
 
 
+def _draw_profile(plot: Profile, axes: Axes, study: xr.Dataset) -> None:
+    """Cases that differ along `by` alone are attempts at one problem; what is excluded at some label is none."""
+    others = [str(name) for name in study["state"].dims if name != plot.by]
+    problems = study[["state", plot.cost]].stack(problem=others).transpose("problem", plot.by)
+    problems = problems.isel(problem=np.flatnonzero((problems["state"] != EXCLUDED).all(plot.by)))
+    attempts = {
+        "time": (("problem", "backend"), np.maximum(np.abs(problems[plot.cost].values), LEAST_COST)),
+        "verified": (("problem", "backend"), problems["state"].values == DONE),
+    }
+    draw_shares(axes, performance_profile(xr.Dataset(attempts, {"backend": study[plot.by].values})))
+    axes.set_xlabel(f"{study[plot.cost].attrs['long_name']}, over the least")
+    axes.set_ylabel("share of cases done")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+
+
 def _draw_traces(plot: EnergyTraces, axes: Axes, study: xr.Dataset) -> None:
     others = {str(name): study[name].values[0] for name in study["state"].dims if name != plot.by}
     runs = {}
@@ -117,5 +137,6 @@ _DRAW: dict[str, Callable[[Any, Axes, xr.Dataset], Any]] = {
         study, plot.cost, plot.error, plot.along, plot.by, axes
     ),
     "heat_map": lambda plot, axes, study: comparison.heat_map(study, plot.x, plot.y, plot.value, axes),
+    "profile": _draw_profile,
     "energy_traces": _draw_traces,
 }

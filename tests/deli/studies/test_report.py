@@ -35,6 +35,11 @@ x = "solver"
 y = "solver_tolerance"
 value = "smooth_contacts"
 where = { scene = "spring_sphere" }
+[[plots]]
+kind = "profile"
+title = "How often, and how fast"
+cost = "wall_time"
+by = "solver"
 """
 
 
@@ -103,7 +108,7 @@ def test_a_study_chooses_its_plots(folder):
 
     study.attrs["study"] = STUDY + PLOTS
     _, text = write_report(study)
-    assert re.findall(r"!\[(.*?)\]", text.read_text()) == ["Contacts that last"]
+    assert re.findall(r"!\[(.*?)\]", text.read_text()) == ["Contacts that last", "How often, and how fast"]
     study.attrs["study"] = (STUDY + PLOTS).replace("where = {", "where = { polish = false,")
     write_report(study.expand_dims(polish=[False]).transpose("scene", ...))  # no mask
     for wrong, found in (('x = "solver"', 'x = "solvers"'), ('spring_sphere" }', 'sphere" }')):
