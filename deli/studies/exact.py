@@ -7,7 +7,7 @@ from deli.errors import InputError
 from deli.recording.provenance import scene_of
 from deli.recording.schema import TRAJECTORY, dataset_of
 
-BY_SCENE = {"point_mass": "bouncing_ball"}
+BY_SCENE = {"point_mass": "bouncing_ball", "hard_rods": "passing_points"}
 """Names of closed forms in `deli.figures.exact`, by the scene's."""
 
 
