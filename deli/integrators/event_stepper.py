@@ -63,28 +63,28 @@ class EventStepper(Stepper):
         scene, method, span, dof = self.scene, self._method, self._span, self.scene.dof
         mass = scene.mass
 
-        def velocity_and_acceleration(_: float, y: np.ndarray) -> np.ndarray:
-            return np.concatenate([y[dof:], -scene.potential.gradient(y[:dof]) / mass])
+        def rates(_: float, y: np.ndarray) -> np.ndarray:
+            return span * np.concatenate([y[dof:], -scene.potential.gradient(y[:dof]) / mass])
 
         gaps = _Gaps(scene)
         events = [gaps.event(row) for row in range(scene.unilateral.rows)]
-        now, y = 0.0, np.concatenate([q, p / mass])
+        now, y = 0.0, np.concatenate([q, p / mass])  # time in steps: SciPy finds events to an absolute 1e-15
         for number in range(MOST_EVENTS):
             found = solve_ivp(
-                velocity_and_acceleration, (now, span), y,
+                rates, (now, 1.0), y,
                 method=method.algorithm, rtol=method.rtol, atol=method.atol, events=events,
             )  # fmt: skip
             self.stats.iterations[POSITION] += found.nfev
             y = found.y[:, -1]
             if found.status < 0 or not np.isfinite(y).all():
-                raise StepError(f"solve_ivp: {found.message} {now:.6g} into the step; try another algorithm or rtol.")
+                raise StepError(f"solve_ivp: {found.message} {now * span:.6g} into the step; try another rtol.")
             if found.status == 0:
                 return y[:dof].copy(), mass * y[dof:]
-            stuck, now = found.t[-1] - now <= AT_ONCE * span, found.t[-1]
+            stuck, now = found.t[-1] - now <= AT_ONCE, found.t[-1]
             if stuck and number:
                 raise StepError(
-                    f"solve_ivp: a contact is met again at once, after {number} events of the step, {now:.6g} into its "
-                    f"{span:g}: contacts rest or slide, or impacts accumulate; use deli.GVI."
+                    f"solve_ivp: a contact is met again at once, after {number} events of the step, {now * span:.6g} "
+                    f"into its {span:g}: contacts rest or slide, or impacts accumulate; use deli.GVI."
                 )
             y[dof:] = self.reflect(y[:dof], mass * y[dof:]) / mass
         raise StepError(f"solve_ivp: {MOST_EVENTS} events in one step; use a smaller step_size, or deli.GVI.")

@@ -27,6 +27,16 @@ def test_rods_pass_their_momenta_on():
     np.testing.assert_allclose(trajectory["position"].values, exact, atol=1e-9)
 
 
+@pytest.mark.parametrize("unit", [1e-8, 1e8])
+def test_impacts_are_found_in_any_unit_of_time(unit):
+    """SciPy ends its search for an event at an absolute width, which was wider than a contact is thick."""
+    scene = deli.scenes.nonlinear_oscillator(strength=unit**-2, speed=1.0 / unit)
+    found = run(scene, 0.05 * unit, 200)["trajectory"]
+    usual = run(deli.scenes.nonlinear_oscillator(), 0.05, 200)["trajectory"]
+    assert found["gap_min"].values.min() > 0.0
+    assert found["reflected_contacts"].sum() == usual["reflected_contacts"].sum()
+
+
 def test_energy_is_as_good_as_the_tolerance():
     scene = deli.scenes.pogo_stick()
     error = {}
