@@ -121,7 +121,8 @@ def _cases(study: xr.Dataset) -> str:
     while len(kept) > 1 and int(np.prod([study.sizes[name] for name in kept])) > MOST_ROWS:
         kept.pop()
     complete = study[shown].where(study["state"] == DONE)
-    logarithms = complete.map(lambda values: np.log(abs(values)))
+    with np.errstate(divide="ignore"):  # the mean with a zero is zero
+        logarithms = complete.map(lambda values: np.log(abs(values)))
     means = logarithms.mean(axes[len(kept) :]).map(np.exp)
     means["state"] = (study["state"] == DONE).sum(axes[len(kept) :])
     told = f"Geometric means over {', '.join(axes[len(kept) :])} of the cases that ended, which `state` counts."

@@ -42,6 +42,22 @@ cost = "wall_time"
 by = "solver"
 """
 
+TRUTH_VALUES = """
+base = { scene.name = "point_mass", steps = 20 }
+[axes]
+"solvers.default.polish" = [true, false]
+skip = [true, false]
+step_size = [0.01, 0.02]
+[[plots]]
+kind = "heat_map"
+title = "Time"
+x = "step_size"
+y = "polish"
+value = "wall_time"
+panels = "skip"
+where = { polish = false }
+"""
+
 
 def call(*arguments):
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
@@ -121,3 +137,11 @@ def test_a_folder_without_a_study_is_refused(tmp_path):
     result = call("report", tmp_path)
     assert result.exit_code == 2
     assert "holds no study" in result.output
+
+
+def test_plots_pick_one_of_two_truth_values(tmp_path):
+    (tmp_path / "study.toml").write_text(TRUTH_VALUES)
+    assert call("study", tmp_path / "study.toml", "-o", tmp_path / "out", "--workers", "1", "-q").exit_code == 0
+    ended = call("report", tmp_path / "out")
+    assert ended.exit_code == 0, ended.output
+    assert (tmp_path / "out" / "report" / "0-heat_map.png").stat().st_size > 1000
