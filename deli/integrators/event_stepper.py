@@ -77,7 +77,8 @@ class EventStepper(Stepper):
             self.stats.iterations[POSITION] += found.nfev
             y = found.y[:, -1]
             if found.status < 0 or not np.isfinite(y).all():
-                raise StepError(f"solve_ivp: {found.message} {now * span:.6g} into the step; try another rtol.")
+                where = f"{now * span:.6g} into the step"
+                raise StepError(f"solve_ivp: {found.message} {where}; try another algorithm or rtol.")
             if found.status == 0:
                 return y[:dof].copy(), mass * y[dof:]
             stuck, now = found.t[-1] - now <= AT_ONCE, found.t[-1]

@@ -1,5 +1,6 @@
 """Plots that compare the cases of a study, from their metrics; each draws on one Axes, a new one if none is given."""
 
+import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -17,6 +18,7 @@ from deli.recording.schema import TRAJECTORY, dataset_of
 
 MARKERS = "osD^vPX*"
 MOST_WORDS = 8  # columns of a heat map up to which the numbers are written into it
+WIDTH = 40  # characters of a label on a small panel
 FLOOR = 1e-17  # where zeros are drawn on a logarithmic axis
 
 
@@ -187,7 +189,7 @@ def _require(data: xr.Dataset, name: str) -> None:
 
 def _label(data: xr.Dataset, name: str) -> str:
     attributes = data[name].attrs
-    return f"{attributes.get('long_name', name)}{unit(attributes.get('units', '1'))}"
+    return textwrap.fill(f"{attributes.get('long_name', name)}{unit(attributes.get('units', '1'))}", WIDTH)
 
 
 def _parts(data: xr.Dataset, by: str | None) -> Iterator[tuple[str | None, xr.Dataset]]:

@@ -9,7 +9,16 @@ from nbclient import NotebookClient
 
 STUDIES = Path(__file__).parents[2] / "studies"
 NOTEBOOKS = sorted(path.stem for path in STUDIES.glob("*.ipynb"))
-PICTURES = {"first_run": 3, "impacts": 4, "methods": 6, "paper_story": 21, "reflection": 2, "solver_choice": 4}
+PICTURES = {
+    "first_run": 3,
+    "impacts": 4,
+    "methods": 6,
+    "paper_story": 21,
+    "reflection": 2,
+    "solver_choice": 4,
+    "stability": 3,
+    "work_precision": 4,
+}
 STORED = 600_000  # bytes
 LONGEST = 600  # seconds for a cell that hangs
 ANNOUNCED = "compiling deli for this machine"  # where kernels are not compiled yet

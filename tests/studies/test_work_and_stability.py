@@ -1,4 +1,4 @@
-"""The studies of work against error and of stability: every file is one that ``deli study`` takes, in full and quick."""
+"""Studies of work against error and of stability: every file is one that ``deli study`` takes, in full and quick."""
 
 from pathlib import Path
 
