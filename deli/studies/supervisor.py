@@ -46,14 +46,11 @@ class Supervisor:
         if self._process is None or self._process.poll() is not None or self._swollen(self._process):
             self.close()
             self._start()
-        process, began = self._process, time.monotonic()
+        process = self._process
         assert process is not None
-        ended = self._await_ready(process, stopped)
-        if ended is None:
-            began = time.monotonic()
-            ended = self._watch(process, order, began, report, stopped)
-        seconds = order.spent + time.monotonic() - began
-        return {**ended, "seconds": seconds, "load": os.getloadavg()[0] if hasattr(os, "getloadavg") else None}
+        ended = self._await_ready(process, stopped) or self._watch(process, order, report, stopped)
+        load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+        return {"seconds": order.spent, **ended, "load": load}
 
     def close(self) -> None:
         """End the process."""
@@ -122,7 +119,6 @@ class Supervisor:
         self,
         process: "subprocess.Popen[str]",
         order: Order,
-        began: float,
         report: Callable[[int], None],
         stopped: Callable[[], bool],
     ) -> Ended:
@@ -132,6 +128,7 @@ class Supervisor:
             process.stdin.flush()
         except BrokenPipeError:
             return {"state": KILLED, "reason": self._died(process)}
+        began = time.monotonic()
         limits, cause, give_up, peak, ready = self._limits, None, float("inf"), 0, WARM_UP_SECONDS
         while True:
             answer = self._next()
@@ -141,7 +138,7 @@ class Supervisor:
                 if cause is not None:
                     self.close()  # a signal may be on its way to it still
                     ended |= cause if ended["state"] in (KILLED, INTERRUPTED) else {}
-                return {**ended, "memory": peak}
+                return {**ended, "memory": peak, "seconds": order.spent + time.monotonic() - began}
             if "step" in answer:
                 report(answer["step"])
             now = time.monotonic()

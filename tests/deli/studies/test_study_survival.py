@@ -33,7 +33,7 @@ def test_a_killed_study_is_continued_to_the_bit(folder):
         (worker,) = psutil.Process(process.pid).children()
         refused(call("study", "study.toml"), "is being written by another deli study")
         assert "unfinished" in call("study", "study.toml", "--dry-run").stdout
-        time.sleep(1.0)
+        time.sleep(0.2)
     finally:
         process.kill()
         process.communicate()
