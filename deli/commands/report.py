@@ -49,12 +49,13 @@ def _print_map(plot: "HeatMap", study: "xr.Dataset") -> None:
     parts = panels_of(plot, study)
     table = Table(title=f"{plot.title}: {study[plot.value].attrs['long_name']}", title_justify="left")
     table.add_column(plot.y)
-    for title in parts:
-        for label in study[plot.x].values:
+    for title, part in parts.items():
+        for label in part[plot.x].values:
             table.add_column(Text(f"{title}\n{_word(label)}".strip()), justify="right")
-    for place in range(study.sizes[plot.y]):
+    labels = next(iter(parts.values()))[plot.y].values  # fewer than the study's where the plot is restricted
+    for place, label in enumerate(labels):
         row = [part.isel({plot.y: place, plot.x: k}) for part in parts.values() for k in range(part.sizes[plot.x])]
-        table.add_row(Text(_word(study[plot.y].values[place])), *(Text(_worst(cases, plot.value)) for cases in row))
+        table.add_row(Text(_word(label)), *(Text(_worst(cases, plot.value)) for cases in row))
     console().print(table)
 
 
