@@ -33,12 +33,12 @@ def reflect(
     position, momentum : array_like
         State, flat (dof,) or (bodies, dimension). It need not be the scene's initial state.
     operator : {"generalized", "moreau", "sequential"}
-    energy : {"hamiltonian", "numerical"}
-        What is conserved; the numerical Hamiltonian belongs to a `scheme` and a `step_size`.
+    energy : {"hamiltonian", "numerical", "shadow2", "shadow4", "shadow6", "shadow8"}
+        What is conserved, see `deli.GVI`; all but H belong to a `scheme` and a `step_size`.
     order : {"index", "fastest"}
         Which contact ``"sequential"`` takes next, see `deli.GVI`.
     scheme, step_size
-        Used with ``energy="numerical"`` only.
+        Not used with ``energy="hamiltonian"``.
     solvers, skip, contact_tolerance
         As for `deli.simulate`.
 
@@ -51,7 +51,7 @@ def reflect(
     ------
     InputError
         For an unknown name, an order that the operator has not, a state of the wrong length or not finite, or a
-        numerical energy without a step size.
+        energy other than H without a step size.
     StepError
         If the reflection does not end or a solver fails.
     """
@@ -64,8 +64,8 @@ def reflect(
                 f"reflect: {name} has {array.size} entries ({int(np.isfinite(array).sum())} finite); "
                 f"the scene has {scene.dof} degrees of freedom and needs that many finite numbers."
             )
-    if energy == "numerical" and step_size is None:
-        raise InputError("reflect: energy='numerical' needs a step_size, since that Hamiltonian depends on it.")
+    if energy != "hamiltonian" and step_size is None:
+        raise InputError(f"reflect: energy={energy!r} needs a step_size, since that energy depends on it.")
     stepper = GVI(scheme=scheme, reflection=operator, energy=energy, order=order).stepper(
         scene, 1.0 if step_size is None else step_size, solvers, skip, contact_tolerance
     )

@@ -7,6 +7,7 @@ from deli.integrators.recipe import Recipe
 from deli.kernels.system import Method, System
 from deli.mechanics.constraints import ConstraintStack
 from deli.mechanics.scene import Scene
+from deli.mechanics.shadow import shadow_weights
 from deli.mechanics.tables import OTHER, PLANE, Rows
 from deli.subproblems.choices import NATIVE, SUBPROBLEMS, SolverChoice
 from deli.subproblems.reflection import SELECTIONS
@@ -108,6 +109,7 @@ def bind_method(
         numerical=scheme is not None,
         curvature=2.0 * scheme.numerical_curvature * step_size**2 if scheme else 0.0,
         pull=scheme.numerical_force * step_size**2 if scheme else 0.0,
+        shadow=shadow_weights(recipe.shadow),
         order=recipe.event_order,
         discrete=recipe.discrete,
         closed_loop=recipe.closed_loop,

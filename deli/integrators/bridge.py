@@ -9,6 +9,7 @@ import numpy as np
 
 from deli.kernels import codes as asked
 from deli.kernels.machine import Hooks, Mail
+from deli.kernels.shadow import turn_shadow
 from deli.kernels.solve import NEWTON
 from deli.kernels.system import Method
 from deli.kernels.turning import turn_numerical
@@ -74,7 +75,7 @@ class Bridge:
             evaluate=_address(self._evaluate),
             solve=_address(self._solve),
             clock=_clock(),
-            numerical=turn_numerical.address if method.numerical else 0,
+            numerical=_turning(method),
             step=step,
             root=_brentq() if method.order else 0,
             posed=posed,
@@ -145,6 +146,13 @@ class Bridge:
     def _least(self) -> None:
         families = self._scene.unilateral.searched_families
         self._mail.energy[0] = min(family.least(self._mail.at) for family in families)
+
+
+def _turning(method: Method) -> int:
+    """Address of the unit that turns momenta where another energy than H is conserved."""
+    if method.shadow.size:
+        return turn_shadow.address
+    return turn_numerical.address if method.numerical else 0
 
 
 def _address(function: object) -> int:

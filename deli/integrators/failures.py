@@ -59,6 +59,11 @@ def explain(code: int, bound: "Bound") -> BaseException:
             f"closed loop: unilateral constraint {report[0]:.0f} is violated by {-report[1]:.1e} after the "
             f"solver's best step; use polish = true or a tighter tolerance, or a larger contact_tolerance."
         )
+    if code == codes.NO_SHADOW:
+        return StepError(
+            f"reflection: the smooth steps of {bound.step_size:g} that the shadow energy is taken from did not "
+            "converge, or no impulse conserves it; use a smaller step_size, or energy = 'hamiltonian'."
+        )
     if code == codes.INDEFINITE and scheme is not None:
         reflection_metric(bound.scene, scheme, bound.work.q, bound.step_size)  # says from which step size on
         return StepError("reflection: the metric of the numerical Hamiltonian is not positive definite to rounding.")

@@ -8,7 +8,7 @@ from deli.integrators.integrator import Choices, Integrator
 from deli.integrators.recipe import Recipe
 from deli.kernels.codes import AFFINE, FROZEN
 from deli.mechanics.schemes import SCHEMES, get_scheme
-from deli.subproblems.reflection import ENERGIES, OPERATORS, ORDERS, SELECTIONS
+from deli.subproblems.reflection import ENERGIES, OPERATORS, ORDERS, SELECTIONS, SHADOWS
 
 PREDICTORS = ("forward", "closed_loop")
 
@@ -27,8 +27,10 @@ class GVI(Integrator):
         Quadrature of the discrete Lagrangian (8.2, 8.3).
     reflection : {"generalized", "moreau", "sequential"}
         Reflection operator: Algorithm 2, Algorithm 3, or one contact at a time.
-    energy : {"hamiltonian", "numerical"}
-        What a reflection conserves: H, or the scheme's second-order numerical Hamiltonian.
+    energy : {"hamiltonian", "numerical", "shadow2", "shadow4", "shadow6", "shadow8"}
+        What a reflection conserves: H, the scheme's second-order numerical Hamiltonian, or its shadow energy of order
+        2, 4, 6 or 8 as `deli.metrics.shadow_energy` has it, which needs no hessian and knows the forces of constraints.
+        A reflection moves the energy that the smooth steps keep by O(h²), O(h⁴), and O(h^(order + 2)).
     predictor : {"forward", "closed_loop"}
         Where 𝔸 comes from: the unconstrained step (8.1), or the step's own result, repeated until it violates nothing.
         What a reflection cannot keep apart for a whole step lands: it keeps its gap, ``0 <= λ ⊥ g(x) - g(q) >= 0``,
@@ -89,6 +91,7 @@ class GVI(Integrator):
             reflects=True,
             operator=self.reflection,
             numerical=scheme if self.energy == "numerical" else None,
+            shadow=SHADOWS.get(self.energy, 0),
             closed_loop=self.predictor == "closed_loop",
             order=self.order,
         )

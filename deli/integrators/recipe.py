@@ -36,6 +36,8 @@ class Recipe:
         A pair of `deli.subproblems.reflection.SELECTIONS`.
     numerical : Scheme, optional
         The scheme whose numerical Hamiltonian reflections conserve, if it is one's.
+    shadow : int
+        Order of the shadow energy that reflections conserve, if it is one: 2, 4, 6 or 8.
     closed_loop : bool
     event_order, discrete
         Of collision integrators.
@@ -56,6 +58,7 @@ class Recipe:
     operator: str = "generalized"
     order: str = "index"
     numerical: Scheme | None = None
+    shadow: int = 0
     closed_loop: bool = False
     event_order: int = 0
     discrete: bool = False

@@ -10,6 +10,7 @@ from deli.kernels import codes
 from deli.kernels.advance import advance, make_block, record_state
 from deli.kernels.build import ready
 from deli.kernels.record import Record
+from deli.kernels.shadow import measure_shadow
 from deli.kernels.step import reflect_touching
 from deli.mechanics.scene import Scene
 from deli.subproblems.choices import parse_choices
@@ -176,6 +177,23 @@ class Stepper:
             block.fields.progress[:] = 0
             self.record(block)
             found[row] = block.fields.diagnostics[0]
+        return found
+
+    def shadow_energies(self, position: np.ndarray, momentum: np.ndarray) -> np.ndarray:
+        """Shadow energies, shape (rows,), of states q, p of shape (rows, dof), of the order in the recipe.
+
+        Raises
+        ------
+        StepError
+            Where the smooth steps from a state do not converge.
+        """
+        found = np.empty(len(position))
+        for row in range(len(position)):
+            self.place(position[row], momentum[row])
+            code = self._bound.call(measure_shadow)
+            if code != codes.DONE:
+                raise explain(code, self._bound)
+            found[row] = self._bound.work.report[0]
         return found
 
     def advance(self, block: Record, steps: int, every: int, deadline: float) -> StepError | None:

@@ -24,6 +24,7 @@ from deli.kernels import (
     nonsmooth_alpha,
     position,
     reflection,
+    shadow,
     step,
     turning,
 )
@@ -38,6 +39,8 @@ _RARE = {
     unit.symbol
     for unit in (
         turning.turn_numerical,
+        shadow.turn_shadow,
+        shadow.measure_shadow,
         step.reflect_touching,
         advance.has_strayed,
         direct.substitute,

@@ -8,7 +8,7 @@ FROZEN, MOVING, AFFINE = 0, 1, 2
 # What a kernel returns. After REFRESH, neighbours must be searched and the step tried again; above it, it failed.
 DONE, REFRESH = 0, 1
 RAISED, UNCONVERGED, NO_DIRECTION, TOO_MANY_PASSES, NOT_FINITE, INDEFINITE = 10, 11, 12, 13, 14, 15
-ACCUMULATED, UNBALANCED, PENETRATED = 16, 17, 18
+ACCUMULATED, UNBALANCED, PENETRATED, NO_SHADOW = 16, 17, 18, 19
 
 # What a kernel asks the function at `Hooks.evaluate` for, of the configuration in `Mail.at`.
 ENERGY, GRADIENT, HESSIAN, SOFTEN, LEAST_GAP = 0, 1, 2, 3, 4

@@ -21,7 +21,8 @@ class Hooks(NamedTuple):
     clock : int
         ``clock_gettime`` of the C library.
     numerical : int
-        The unit `deli.kernels.turning.turn_numerical`, which few runs need.
+        The unit that turns momenta where another energy than H is conserved, which few runs need:
+        `deli.kernels.turning.turn_numerical` or `deli.kernels.shadow.turn_shadow`.
     step : int
         The unit that takes a step of the method.
     root : int

@@ -25,11 +25,12 @@ def _pass(machine: Machine, taken: int) -> tuple[int, int]:
     """Reflect off the first `taken` rows of ``work.pressing``, island by island; return a code and how many."""
     system, method, tally = machine.system, machine.method, machine.tally
     numerical = method.numerical and system.curved
+    other = numerical or method.shadow.size > 0
     before = tally.counts[0, REFLECTION]
     groups = connect(machine, taken, False, system.coupled or numerical or not method.skip)
     for group in range(groups):
         code = (
-            call(machine.hooks.numerical, address_of(machine), 0, 0, 0) if numerical else turn_back(machine, group, 1.0)
+            call(machine.hooks.numerical, address_of(machine), group, 0, 0) if other else turn_back(machine, group, 1.0)
         )
         if code != DONE:
             return code, groups
@@ -87,6 +88,15 @@ def _approaching(machine: Machine, groups: int, passes: int) -> int:
                 work.marked[k] = 1
                 count += 1
     return count
+
+
+@kernel
+def _changed(momentum: np.ndarray, before: np.ndarray) -> bool:
+    """Whether a pass has done anything but let contacts go."""
+    changed = False
+    for k in range(momentum.size):
+        changed = changed or momentum[k] != before[k]
+    return changed
 
 
 @kernel
@@ -185,7 +195,7 @@ def reflect(machine: Machine, count: int) -> int:
         code, groups = _pass(machine, taken)
         if code != DONE:
             return code
-        if compared:
+        if compared and _changed(momentum, work.free_momentum):
             # `before` is the momentum of two passes ago; what comes back to it will do so for ever.
             change = size = 0.0
             for k in range(dof):

@@ -97,6 +97,8 @@ class Method(NamedTuple):
         c h² of the scheme, W = M⁻¹ + c h² M⁻¹V″M⁻¹.
     pull : float
         Coefficient of ∇VᵀM⁻¹∇V in the numerical Hamiltonian.
+    shadow : (2m + 1, 2m + 1) array
+        Weights of the shadow energy that reflections conserve, see `deli.kernels.shadow`; empty for other methods.
     order : int
         Of the steps to and from the events of a collision integrator; 0 for other methods.
     discrete : bool
@@ -127,6 +129,7 @@ class Method(NamedTuple):
     numerical: bool
     curvature: float
     pull: float
+    shadow: Matrix
     order: int
     discrete: bool
     closed_loop: bool

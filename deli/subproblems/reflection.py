@@ -17,7 +17,9 @@ OPERATORS = ("generalized", "moreau", "sequential")
 ORDERS = ("index", "fastest")
 SELECTIONS = (("generalized", "index"), ("moreau", "index"), ("sequential", "index"), ("sequential", "fastest"))
 """Operator and order by the number that kernels know them by; only one contact at a time has an order."""
-ENERGIES = ("hamiltonian", "numerical")
+SHADOWS = {"shadow2": 2, "shadow4": 4, "shadow6": 6, "shadow8": 8}
+"""Orders of the shadow energies, by name."""
+ENERGIES = ("hamiltonian", "numerical", *SHADOWS)
 
 
 def model(mass: np.ndarray, rows: int, bilateral_rows: int, patterns: Patterns = DENSE) -> "cp.Problem":

@@ -39,7 +39,7 @@ def wander(energy: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(("members", "steps"), [(20, 5000), LONG(40, 50_000)])
 def test_figure_6_1_conserving_the_numerical_energy_tightens_the_band(members: int, steps: int) -> None:
     plain, tight = (
-        energies(deli.GVI("verlet", energy=energy), members, steps) for energy in deli.GVI.CHOICES["energy"]
+        energies(deli.GVI("verlet", energy=energy), members, steps) for energy in ("hamiltonian", "numerical")
     )
     ratios = np.ptp(tight, axis=1) / np.ptp(plain, axis=1)
     assert np.median(ratios) < 0.75
