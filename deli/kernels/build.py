@@ -72,7 +72,7 @@ def ready() -> None:
         marker.parent.mkdir(parents=True, exist_ok=True)
         with FileLock(marker.parent / "deli.lock") if not marker.exists() else nullcontext():
             if not marker.exists():  # nor did another process make it while this one waited
-                logger.warning("compiling deli for this machine: once, some twelve seconds on two cores")
+                logger.warning("compiling deli for this machine: once, some sixteen seconds on two cores")
                 _build(wanted)
             for unit in wanted:
                 unit.compile()
