@@ -113,9 +113,10 @@ def velocity_zeros(machine: Machine, momentum: np.ndarray, count: int, tolerance
     """Normal velocities below which the first `count` chosen rows do not move, into ``work.still``.
 
     ``|∇g_iᵀv| ≤ τ ‖∇g_i‖ (‖p‖ + ‖impulse of the forces in one step‖)``, norms in the metric M⁻¹ over the bodies
-    that the constraint touches, and a share of rounding of those of all bodies.
+    that the constraint touches, and a share of rounding of those of all bodies. For rows that do not touch τ is zero:
+    they are not in 𝕊, so that nothing else stops a slow approach that the step completes.
     """
-    system, work = machine.system, machine.work
+    system, method, work = machine.system, machine.method, machine.work
     table, inverse, force, dimension = system.unilateral, system.inverse, work.force, system.dimension
     everything = push = 0.0
     for k in range(momentum.size):
@@ -145,5 +146,6 @@ def velocity_zeros(machine: Machine, momentum: np.ndarray, count: int, tolerance
                         here += momentum[dof] * momentum[dof] * inverse[dof]
                         there += force[dof] * force[dof] * inverse[dof]
         size = math.sqrt(weight(table, row, work.normals, work.gradients, inverse))
-        speed = tolerance * (math.sqrt(here) + math.sqrt(there)) + rounding
+        touches = abs(work.gaps[chosen]) <= method.contact_tolerance * system.gap_scale[chosen]
+        speed = (tolerance if touches else 0.0) * (math.sqrt(here) + math.sqrt(there)) + rounding
         work.still[chosen] = speed * size

@@ -5,6 +5,8 @@ import functools
 import numpy as np
 import pytest
 import xarray as xr
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 import deli
 from deli.figures.exact import passing_points
@@ -154,3 +156,21 @@ def test_gvi_turns_rods_early_and_moreau_jean_late() -> None:
     """By half a step on average: the first takes momenta at the start of the step that meets, the second after it."""
     early, exact, late = (impacts(method, 2000.0) for method in (deli.GVI(), deli.Collision(), deli.MoreauJean()))
     assert early > exact > late
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    height=st.floats(-12.0, 3.0),
+    slope=st.floats(-14.0, 0.0),
+    share=st.floats(0.01, 3.0),
+    predictor=st.sampled_from(["forward", "closed_loop"]),
+)
+@example(height=-8.0, slope=-8.0, share=0.3, predictor="forward")
+def test_no_approach_is_too_slow_to_be_stopped(height: float, slope: float, share: float, predictor: str) -> None:
+    """Steps that are long against the only length there is cross the band of touching gaps without an end in it."""
+    start, speed = 10.0**height, 10.0**slope
+    scene = deli.scenes.wedge(walls=1, gravity=0.0, position=[0.0, start], momentum=[1.0, -speed])
+    run = record(scene, deli.GVI(predictor=predictor), share * start / speed, 1000)
+    assert run["gap_min"].values.min() >= -1e-8 * start
+    assert energy_error(run) <= 1e-14
+    assert run["reflected_contacts"].values.sum() > 0
