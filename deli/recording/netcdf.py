@@ -1,5 +1,6 @@
 """Runs on disk: rows appended to ``<output>.partial``, the finished file appearing under its own name by rename."""
 
+import math
 import os
 import threading
 import time
@@ -15,7 +16,7 @@ from deli.errors import DeliError, InputError
 from deli.recording.schema import POSED, STATS, TRAJECTORY, Block, Schema, Variable, coordinates
 from deli.recording.subproblems import COUNTED, places
 
-CHUNK_ROWS, CHUNK_PLACES = 256, 4096
+CHUNK_ROWS, CHUNK_PLACES, CHUNK_BYTES = 256, 4096, 1_000_000
 COMMITTED, WALL_TIME, COMMITTED_PROBLEMS = "committed_rows", "committed_wall_time", "committed_subproblems"
 ENCODING = "_Encoding"
 """The attribute that tells readers to join letters to words."""
@@ -91,6 +92,7 @@ class Writer:
                 dataset = netCDF4.Dataset(path, "a")
             except OSError as error:
                 raise Busy(f"{path} cannot be continued ({error}); is another run writing it?") from error
+            _forget_what_is_written(dataset)
             ends = _ends(dataset, steps) if POSED in dataset.groups else {}
             return cls(path, dataset, int(dataset[COMMITTED][...]), float(dataset[WALL_TIME][...]), ends)
 
@@ -205,14 +207,33 @@ def _lay_out(dataset: netCDF4.Dataset, schema: Schema, attributes: Mapping[str, 
 
 
 def _create(group: netCDF4.Group, variable: Variable, sizes: Mapping[str, int]) -> netCDF4.Variable:
-    usual = CHUNK_PLACES if variable.dims and variable.dims[0] in COUNTED else CHUNK_ROWS
-    chunks = [sizes.get(dimension, usual) for dimension in variable.dims] if variable.grows else None
     created: netCDF4.Variable = group.createVariable(
-        variable.name, np.dtype(variable.dtype), variable.dims, fill_value=False, chunksizes=chunks
+        variable.name,
+        np.dtype(variable.dtype),
+        variable.dims,
+        fill_value=False,
+        chunksizes=_chunks(variable, sizes) if variable.grows else None,
     )
     created.set_auto_mask(False)
     created.setncatts(variable.attributes)
     return created
+
+
+def _chunks(variable: Variable, sizes: Mapping[str, int]) -> list[int]:
+    """Shape of the pieces that a variable grows by: whole ones are stored, so rows of many bodies go into small ones."""
+    inner = [sizes[dimension] for dimension in variable.dims[1:]]
+    usual = CHUNK_PLACES if variable.dims[0] in COUNTED else CHUNK_ROWS
+    most = CHUNK_BYTES // (np.dtype(variable.dtype).itemsize * math.prod(inner))
+    return [max(1, min(usual, most)), *inner]
+
+
+def _forget_what_is_written(dataset: netCDF4.Dataset) -> None:
+    """Let the library hold one chunk of each variable, where it would hold megabytes of what is on disk already."""
+    for group in dataset.groups.values():
+        for variable in group.variables.values():
+            chunks = variable.chunking()
+            if chunks != "contiguous":
+                variable.set_var_chunk_cache(variable.dtype.itemsize * math.prod(chunks), 1, 1.0)
 
 
 def _write_words(group: netCDF4.Group, variable: Variable, words: np.ndarray) -> None:

@@ -168,3 +168,10 @@ def test_a_file_may_be_open_several_times(tmp_path):
     with netCDF4.Dataset(path) as dataset:
         variables = [variable for group in dataset.groups.values() for variable in group.variables.values()]
         assert not [variable.name for variable in variables if variable.dtype is str]
+
+
+def test_a_file_of_many_bodies_takes_little_more_than_its_rows(tmp_path):
+    scene = deli.Scene(mass=1.0, position=np.zeros(20_000), momentum=np.ones(20_000))
+    deli.simulate(scene, deli.GVI(), step_size=0.001, steps=4, output=tmp_path / "run.nc")
+    rows = 5 * 2 * scene.dof * 8
+    assert rows < (tmp_path / "run.nc").stat().st_size < 2 * rows
