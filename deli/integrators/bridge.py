@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from deli.kernels import codes as asked
+from deli.kernels.balance import balance_numerical, balance_shadow
 from deli.kernels.machine import Hooks, Mail
 from deli.kernels.shadow import turn_shadow
 from deli.kernels.solve import NEWTON
@@ -76,6 +77,7 @@ class Bridge:
             solve=_address(self._solve),
             clock=_clock(),
             numerical=_turning(method),
+            balance=_balancing(method),
             step=step,
             root=_brentq() if method.order else 0,
             posed=posed,
@@ -153,6 +155,15 @@ def _turning(method: Method) -> int:
     if method.shadow.size:
         return turn_shadow.address
     return turn_numerical.address if method.numerical else 0
+
+
+def _balancing(method: Method) -> int:
+    """Address of the unit that conserves another energy than H where contacts land."""
+    if not method.closed_loop:
+        return 0
+    if method.shadow.size:
+        return balance_shadow.address
+    return balance_numerical.address if method.numerical else 0
 
 
 def _address(function: object) -> int:

@@ -16,6 +16,7 @@ from numba.core.caching import FunctionCache
 
 from deli.kernels import (
     advance,
+    balance,
     collision,
     direct,
     islands,
@@ -41,6 +42,8 @@ _RARE = {
         turning.turn_numerical,
         shadow.turn_shadow,
         shadow.measure_shadow,
+        balance.balance_numerical,
+        balance.balance_shadow,
         step.reflect_touching,
         advance.has_strayed,
         direct.substitute,

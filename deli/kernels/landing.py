@@ -10,9 +10,9 @@ import math
 from numba import types
 
 from deli.kernels.codes import AFFINE, DONE, PENETRATED, UNILATERAL_GRADIENTS
-from deli.kernels.compiled import kernel, unit
+from deli.kernels.compiled import address_of, call, kernel, unit
 from deli.kernels.contacts import VIOLATED, copy
-from deli.kernels.forces import ask, energy, gradient, hessian
+from deli.kernels.forces import ask
 from deli.kernels.islands import connect
 from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.projection import list_smooth, presses, tangent
@@ -68,53 +68,6 @@ def admissible(machine: Machine) -> int:
 
 
 @kernel
-def _numerical_energy(machine: Machine, kinetic: bool) -> tuple[int, float, float, float]:
-    """Numerical Hamiltonian at x of ``work.carried``, and W between it and ``work.latent``, and of that with itself.
-
-    Without `kinetic`, at (q, p), and zeros.
-    """
-    system, method, work, mail = machine.system, machine.method, machine.work, machine.mail
-    q, p, latent, dof = work.q, work.p, work.latent, work.q.size
-    if kinetic:
-        q, p = work.moved, work.carried
-    code, total = energy(machine, q)
-    if code == DONE:
-        code = gradient(machine, q, work.stress)
-    if code == DONE:
-        code = hessian(machine, q)
-    mixed = square = 0.0
-    if code != DONE:
-        return code, total, mixed, square
-    for i in range(dof):
-        total += method.pull * work.stress[i] * work.stress[i] * system.inverse[i]
-        for j in range(dof):
-            metric = method.curvature * mail.hessian[i, j] * system.inverse[i] * system.inverse[j]
-            if i == j:
-                metric += system.inverse[i]
-            total += 0.5 * metric * p[i] * p[j]
-            mixed += metric * latent[i] * p[j]
-            square += metric * latent[i] * latent[j]
-    return code, total, mixed, square
-
-
-@kernel
-def _balance(machine: Machine) -> int:
-    """Add a ≥ 0 times ``work.latent`` so that the numerical Hamiltonian is that of (q, p), or as near as it gets."""
-    work = machine.work
-    code, wanted, _, _ = _numerical_energy(machine, False)
-    if code != DONE:
-        return code
-    code, found, mixed, square = _numerical_energy(machine, True)
-    if code != DONE or not square > 0.0:
-        return code
-    discriminant = mixed * mixed - 2.0 * square * (found - wanted)
-    share = max(0.0, (math.sqrt(max(0.0, discriminant)) - mixed) / square)
-    for k in range(work.q.size):
-        work.carried[k] += share * work.latent[k]
-    return DONE
-
-
-@kernel
 def _return(machine: Machine, count: int) -> None:
     """Add ``work.latent`` to the momentum at x, in each island with the kinetic energy that it had at q."""
     system, work, islands = machine.system, machine.work, machine.islands
@@ -142,7 +95,7 @@ def land(machine: Machine, smooth: int) -> int:
 
     ``p⁺ = p_t + n`` at q and ``y = y_t + a n′`` at x, where p_t and y_t are tangent to the landed contacts too, n′ is
     what n, brought to x, has in the span of the gradients there, and a >= 0 conserves energy: ``|a n′| = |n|`` in the
-    metric M⁻¹, island by island; or E(x, y) = E(q, p) for the numerical Hamiltonian.
+    metric M⁻¹, island by island; or E(x, y) = E(q, p) for another energy than H, see `deli.kernels.balance`.
     """
     system, method, work = machine.system, machine.method, machine.work
     dof, tangential, latent = work.q.size, work.best, work.latent
@@ -183,7 +136,7 @@ def land(machine: Machine, smooth: int) -> int:
     code = tangent(machine, count, True)
     if code != DONE:
         return code
-    if method.numerical and system.curved:
-        return _balance(machine)
+    if (method.numerical and system.curved) or method.shadow.size:
+        return call(machine.hooks.balance, address_of(machine), resting, 0, 0)
     _return(machine, count)
     return DONE

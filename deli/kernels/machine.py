@@ -23,6 +23,8 @@ class Hooks(NamedTuple):
     numerical : int
         The unit that turns momenta where another energy than H is conserved, which few runs need:
         `deli.kernels.turning.turn_numerical` or `deli.kernels.shadow.turn_shadow`.
+    balance : int
+        The unit that gives landed contacts their momentum there: of `deli.kernels.balance`.
     step : int
         The unit that takes a step of the method.
     root : int
@@ -36,6 +38,7 @@ class Hooks(NamedTuple):
     solve: int
     clock: int
     numerical: int
+    balance: int
     step: int
     root: int
     posed: int

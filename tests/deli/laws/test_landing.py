@@ -94,6 +94,21 @@ def test_numerical_energy_is_the_same_after_a_landing(scheme: str) -> None:
     np.testing.assert_allclose(energies, energies[0], rtol=1e-13)
 
 
+@pytest.mark.parametrize("order", [2, 4, 8])
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_shadow_energies_are_the_same_after_a_landing(scheme: str, order: int) -> None:
+    """Of steps that land, of reflections, and of free steps between them."""
+    for speed in (0.1, 0.5, 1.0):
+        scene = deli.scenes.pogo_stick(position=(5.0, 0.01), momentum=(0.3, -speed))
+        method = deli.GVI(scheme, energy=f"shadow{order}", predictor="closed_loop")
+        run = deli.simulate(scene, method, step_size=STEP, steps=50)
+        energies = deli.metrics.shadow_energy(run, order, scene).values
+        np.testing.assert_allclose(energies, energies[0], rtol=1e-11)
+        landed = np.abs(np.diff(run["trajectory"]["position"].values[:, 1])) < 1e-13
+        assert landed.any()
+        assert np.ptp(run["trajectory"]["momentum"].values[1:, 1]) > 1e-3  # pays for the rest
+
+
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("build", [low_pogo_stick, lambda: in_disc(1.0)], ids=["pogo_stick", "disc"])
 def test_landings_turn_back_but_for_a_reflection(build: object, scheme: str) -> None:
