@@ -9,6 +9,7 @@ import numpy as np
 
 from deli.kernels import codes as asked
 from deli.kernels.balance import balance_numerical, balance_shadow
+from deli.kernels.landing import land
 from deli.kernels.machine import Hooks, Mail
 from deli.kernels.shadow import turn_shadow
 from deli.kernels.solve import NEWTON
@@ -77,6 +78,7 @@ class Bridge:
             solve=_address(self._solve),
             clock=_clock(),
             numerical=_turning(method),
+            land=land.address if method.closed_loop else 0,
             balance=_balancing(method),
             step=step,
             root=_brentq() if method.order else 0,

@@ -42,6 +42,7 @@ _RARE = {
         turning.turn_numerical,
         shadow.turn_shadow,
         shadow.measure_shadow,
+        landing.land,
         balance.balance_numerical,
         balance.balance_shadow,
         step.reflect_touching,
@@ -58,7 +59,6 @@ _COSTS = {
     position._iterate: 3.8,
     step.step: 2.9,
     reflection.reflect: 2.2,
-    landing.land: 2.0,
     islands.connect: 1.5,
     advance.record_state: 1.1,
 }

@@ -89,8 +89,8 @@ def _return(machine: Machine, count: int) -> None:
                 work.carried[dof] += share * work.latent[dof]
 
 
-@unit(types.int64, MACHINE, types.int64)
-def land(machine: Machine, smooth: int) -> int:
+@unit(types.int64, MACHINE, types.int64, types.int64, types.int64)
+def land(machine: Machine, smooth: int, _two: int, _three: int) -> int:
     """Momentum at x where contacts land; on entry it is that of `carry`, tangent to 𝕊 and the bilateral constraints.
 
     ``p⁺ = p_t + n`` at q and ``y = y_t + a n′`` at x, where p_t and y_t are tangent to the landed contacts too, n′ is

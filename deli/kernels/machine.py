@@ -23,8 +23,9 @@ class Hooks(NamedTuple):
     numerical : int
         The unit that turns momenta where another energy than H is conserved, which few runs need:
         `deli.kernels.turning.turn_numerical` or `deli.kernels.shadow.turn_shadow`.
-    balance : int
-        The unit that gives landed contacts their momentum there: of `deli.kernels.balance`.
+    land, balance : int
+        `deli.kernels.landing.land` where the loop is closed, and the unit of `deli.kernels.balance` that gives landed
+        contacts their momentum where another energy than H is conserved.
     step : int
         The unit that takes a step of the method.
     root : int
@@ -38,6 +39,7 @@ class Hooks(NamedTuple):
     solve: int
     clock: int
     numerical: int
+    land: int
     balance: int
     step: int
     root: int

@@ -13,7 +13,7 @@ from deli.kernels.codes import (
     TOO_MANY_PASSES,
     UNILATERAL,
 )
-from deli.kernels.compiled import kernel, unit
+from deli.kernels.compiled import address_of, call, kernel, unit
 from deli.kernels.contacts import (
     begin,
     find_gaps,
@@ -24,7 +24,7 @@ from deli.kernels.contacts import (
     velocity_zeros,
 )
 from deli.kernels.forces import ask
-from deli.kernels.landing import admissible, land, spread_to_violated, trap
+from deli.kernels.landing import admissible, spread_to_violated, trap
 from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.position import predict, update
 from deli.kernels.projection import carry
@@ -212,7 +212,7 @@ def step(machine: Machine, known: int, _one: int, _two: int) -> int:
     tally.contacts[0] = smooth
     code = carry(machine, smooth)
     if method.closed_loop and code == DONE:
-        code = land(machine, smooth)
+        code = call(machine.hooks.land, address_of(machine), smooth, 0, 0)
     if method.closed_loop and code == DONE:
         code = admissible(machine)
     if code != DONE:
