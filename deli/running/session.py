@@ -72,7 +72,7 @@ class Session:
             outcome = f"{INTERRUPTED} after step {self._step}"
         except netcdf.RecordingError:
             raise
-        except Exception as error:
+        except BaseException as error:  # an exit and a panic in Rust are no Exception
             outcome = self._failure(f"{type(error).__name__}: {error}")
             with suppress(Exception):  # the function that raised may be the one that the row needs
                 self._record_last_good()
