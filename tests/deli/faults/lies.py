@@ -3,9 +3,11 @@
 Nothing but `solvers` is needed here, so that this file can be a package of its own.
 """
 
+import ctypes
 import os
 import signal
 import time
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
@@ -138,6 +140,10 @@ def tampering(program, answer, before):
     return saying(np.zeros(program.variables), np.zeros(program.rows))
 
 
+def single_precision(program, answer, before):
+    return answer._replace(x=answer.x.astype(np.float32), y=answer.y.astype(np.float32))
+
+
 def nothing(program, answer, before):
     return None
 
@@ -150,6 +156,10 @@ def uncounted(program, answer, before):
     return answer._replace(iterations=None)
 
 
+def hopeless(program, answer, before):
+    return answer._replace(claimed=Status.FAILED)
+
+
 def infeasible(program, answer, before):
     return answer._replace(claimed=Status.INFEASIBLE)
 
@@ -158,8 +168,8 @@ LIES = {
     lie.__name__: lying(lie)
     for lie in (
         noise, zeros, wish, wrong_multipliers, negative_multipliers, wrong_sign, not_a_number, infinite, huge,
-        too_short, too_long, a_column, integers, complex_numbers, objects, words, stale, tampering, nothing,
-        unheard_of, uncounted, infeasible,
+        too_short, too_long, a_column, integers, complex_numbers, objects, words, stale, tampering, single_precision,
+        nothing, unheard_of, uncounted, hopeless, infeasible,
     )
 }  # fmt: skip
 
@@ -191,6 +201,14 @@ def stall():
         time.sleep(0.01)
 
 
+def stall_in_c():
+    """Stall where no line of Python is run any more: in a call of the C library that signals do not end."""
+    library = ctypes.CDLL(None)
+    mutex = ctypes.create_string_buffer(256)
+    for _ in range(2):  # the second waits for the first to be undone
+        library.pthread_mutex_lock(mutex)
+
+
 def exit_at_once():
     os._exit(3)
 
@@ -200,6 +218,21 @@ def crash():
 
 
 RAISING = {function.__name__: acting(function.__name__, function) for function in (error, panic, leave)}
-ENDING = {function.__name__: acting(function.__name__, function) for function in (stall, exit_at_once, crash)}
+ENDING = {
+    function.__name__: acting(function.__name__, function) for function in (stall, stall_in_c, exit_at_once, crash)
+}
 
-offered = SimpleNamespace(**LIES, **RAISING, **ENDING)
+offered = SimpleNamespace(**LIES, **RAISING, **ENDING)  # for entry points: lies:offered.NAME
+
+
+@contextmanager
+def registered():
+    """Make all of them known for a while."""
+    known = {**LIES, **RAISING, **ENDING}
+    for name, factory in known.items():
+        registry.register(name, factory)
+    try:
+        yield
+    finally:
+        for name in known:
+            registry.unregister(name)
