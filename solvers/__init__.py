@@ -2,7 +2,7 @@
 
 from solvers.backends.base import Answer, Backend
 from solvers.compiled import CompiledProblem, compile
-from solvers.errors import NotInstalledError, ParameterError, SolverError, UnknownBackendError
+from solvers.errors import BackendError, NotInstalledError, ParameterError, SolverError, UnknownBackendError
 from solvers.method import register_solve_method
 from solvers.program import Matrix, QuadraticProgram
 from solvers.registry import BackendInfo, able, available, backends, can, members, register, unregister
@@ -14,6 +14,7 @@ __all__ = [
     "PROJECT",
     "Answer",
     "Backend",
+    "BackendError",
     "BackendInfo",
     "CompiledProblem",
     "Matrix",

@@ -57,7 +57,7 @@ class AffineMap:
     In the image whatever depends on the parameters comes first; the rest is computed once.
     """
 
-    __slots__ = ("_data", "_indices", "_indptr", "_numbers", "_varying", "program", "theta")
+    __slots__ = ("_data", "_indices", "_indptr", "_lent", "_numbers", "_varying", "program", "theta")
 
     def __init__(self, theta: np.ndarray, tensors: Tensors) -> None:
         n, rows, equalities = tensors.variables, tensors.rows, tensors.equalities
@@ -103,6 +103,9 @@ class AffineMap:
             lower=np.full(rows, -np.inf),
             upper=part["u"],
         )
+        matrices = () if dense else (self.program.quadratic, self.program.matrix)
+        patterns = (array for matrix in matrices for array in (matrix.indptr, matrix.indices))
+        self._lent = (self._numbers, self.program.lower, *patterns)
         self.apply()
 
     def apply(self) -> bool:
@@ -120,6 +123,16 @@ class AffineMap:
         if program.equalities:
             program.lower[: program.equalities] = program.upper[: program.equalities]
         return finite
+
+    def lend(self) -> list[bytes]:
+        """Return what `take_back` has to know, before a backend gets hold of the program."""
+        return [array.tobytes() for array in self._lent]
+
+    def take_back(self, known: list[bytes]) -> None:
+        """Undo what a backend wrote into the program, whose answers are judged by the numbers that it was given."""
+        for array, kept in zip(self._lent, known, strict=True):
+            if array.tobytes() != kept:
+                array[:] = np.frombuffer(kept, dtype=array.dtype)
 
 
 def _storage(

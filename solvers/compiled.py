@@ -9,9 +9,10 @@ import numpy as np
 from scipy import sparse
 
 from solvers import registry
+from solvers.asking import ask, attach
 from solvers.backends.base import Answer, Backend
 from solvers.declared import checks
-from solvers.errors import ParameterError, SolverError
+from solvers.errors import BackendError, ParameterError, SolverError
 from solvers.residuals import EXACT, Residuals
 from solvers.solution import Solution, Status
 from solvers.threads import CVXPY
@@ -150,6 +151,8 @@ class CompiledProblem:
         ------
         ParameterError
             If a name is unknown or a value has another shape or is not finite.
+        BackendError
+            If the backend, or the last member of a chain, raises something.
         """
         start = perf_counter()
         views = self.parameters
@@ -165,17 +168,19 @@ class CompiledProblem:
         for check in self._checks:
             check()
         setup_time = solve_time = 0.0
-        for member in range(len(self._members)):
+        last = len(self._members) - 1
+        for member in range(last + 1):
             before = perf_counter()
             solver = self._solvers[member] if member < len(self._solvers) else self._attach(member)
-            solver.update()
-            if self._last is not None:
-                solver.begin(*self._last)
-            ready = perf_counter()
-            answer = solver.solve()
-            after = perf_counter()
-            setup_time += ready - before
-            solve_time += after - ready
+            setup_time += perf_counter() - before
+            try:
+                answer, handing, solving = ask(self._members[member], solver, self._map, self._last)
+            except BackendError:
+                if member == last:
+                    raise
+                continue
+            setup_time += handing
+            solve_time += solving
             status, answer, polished = self._judge(answer)
             if status is SOLVED:
                 break
@@ -256,7 +261,8 @@ class CompiledProblem:
 
             solver: Backend = Reference(self._canonical, name, self.tolerance, self._options[name])
         else:
-            solver = registry.factory(name)(self.program, self.tolerance, self._options[name])
+            factory, options = registry.factory(name), self._options[name]
+            solver = attach(name, lambda: factory(self.program, self.tolerance, options), self._map)
         self._solvers.append(solver)
         return solver
 

@@ -15,3 +15,7 @@ class ParameterError(SolverError, ValueError):
 
 class NotInstalledError(SolverError, ImportError):
     """A backend whose package is not installed."""
+
+
+class BackendError(SolverError):
+    """A backend that raised something; what it raised is the cause."""

@@ -117,8 +117,8 @@ class Bridge:
             function(*arguments)
         except BaseException as error:  # handed on once the kernel has returned
             self.raised = error
-            return 1
-        return 0
+            return asked.RAISED
+        return asked.ANSWERED
 
     def _energy(self) -> None:
         self._mail.energy[0] = sum(float(family.energy(self._mail.at)) for family in self._scene.potential.others)

@@ -22,6 +22,8 @@ def explain(code: int, bound: "Bound") -> BaseException:
     raised = bound.forget()
     if raised is not None:
         return raised
+    if code == codes.RAISED:  # a signal ended a function of Python's before its first line
+        return KeyboardInterrupt()
     report, scheme = bound.work.report, bound.recipe.numerical
     if code == codes.UNCONVERGED:
         return StepError(

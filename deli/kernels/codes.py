@@ -10,6 +10,10 @@ DONE, REFRESH = 0, 1
 RAISED, UNCONVERGED, NO_DIRECTION, TOO_MANY_PASSES, NOT_FINITE, INDEFINITE = 10, 11, 12, 13, 14, 15
 ACCUMULATED, UNBALANCED, PENETRATED, NO_SHADOW = 16, 17, 18, 19
 
+# What functions in Python return to kernels when they have done what they were asked. It is not zero, which is what
+# kernels get where a signal ends such a function before its first line.
+ANSWERED = 1
+
 # What a kernel asks the function at `Hooks.evaluate` for, of the configuration in `Mail.at`.
 ENERGY, GRADIENT, HESSIAN, SOFTEN, LEAST_GAP = 0, 1, 2, 3, 4
 UNILATERAL, UNILATERAL_GRADIENTS, BILATERAL, BILATERAL_GRADIENTS = 5, 6, 7, 8

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from deli.kernels.codes import DONE, ENERGY, GRADIENT, HESSIAN, RAISED
+from deli.kernels.codes import ANSWERED, DONE, ENERGY, GRADIENT, HESSIAN, RAISED
 from deli.kernels.compiled import call, kernel
 from deli.kernels.machine import Machine
 from deli.mechanics.tables import SPRING, Terms
@@ -137,7 +137,7 @@ def ask(machine: Machine, what: int, q: np.ndarray) -> int:
     mail, hooks = machine.mail, machine.hooks
     for k in range(q.size):
         mail.at[k] = q[k]
-    return DONE if call(hooks.evaluate, what, 0, 0, 0) == 0 else RAISED
+    return DONE if call(hooks.evaluate, what, 0, 0, 0) == ANSWERED else RAISED
 
 
 @kernel

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import types
 
-from deli.kernels.codes import DONE, RAISED
+from deli.kernels.codes import ANSWERED, DONE, RAISED
 from deli.kernels.compiled import call, kernel, seconds, unit
 from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.native import LARGEST, project_program
@@ -162,14 +162,14 @@ def solve(machine: Machine, subproblem: int, size: int, equalities: int, rows: i
         bounds[row] /= speed
     asked = subproblem + NEWTON if newton else subproblem
     watched = hooks.posed != 0 and not linear
-    if watched and call(hooks.posed, asked, size, equalities, rows) != 0:
+    if watched and call(hooks.posed, asked, size, equalities, rows) != ANSWERED:
         return RAISED
     code = DONE
     if not (linear or method.native[subproblem]) or not _solve_native(
         machine, subproblem, size, equalities, rows, newton, linear
     ):
-        code = DONE if call(hooks.solve, asked, size, equalities, rows) == 0 else RAISED
-    if watched and call(hooks.solved, code, size, equalities, rows) != 0:
+        code = DONE if call(hooks.solve, asked, size, equalities, rows) == ANSWERED else RAISED
+    if watched and call(hooks.solved, code, size, equalities, rows) != ANSWERED:
         return RAISED
     for k in range(size):
         z[k] *= speed

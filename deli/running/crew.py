@@ -1,10 +1,12 @@
 """Threads that run the members of an ensemble, a few at a time each."""
 
 import itertools
+import math
+import queue
 import threading
 import time
 from collections import deque
-from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from typing import Any
 
 from deli.integrators.systems import bind_systems, shape_of
@@ -12,7 +14,7 @@ from deli.kernels.advance import has_strayed
 from deli.kernels.record import Record
 from deli.mechanics.scene import Scene
 from deli.recording.ensemble import Gathering
-from deli.running.interrupts import StopRequests
+from deli.running.interrupts import PATIENCE_SECONDS, StopRequests
 from deli.running.plan import Plan
 from deli.running.progress import ProgressBar
 from deli.running.session import COMPLETE, FAILED, INTERRUPTED, REFRESH_SECONDS
@@ -40,35 +42,53 @@ class Crew:
             has_strayed.compile()  # not by several threads at once
         self._chunks = deque(_chunks(len(scenes), self._workers))
         self._stopped, self._lock = False, threading.Lock()
+        self._at: dict[int, int] = {}  # the member that each thread is at
+        self._ended: queue.SimpleQueue[int] = queue.SimpleQueue()
+        self._errors: list[BaseException] = []
         self.outcomes = [f"{INTERRUPTED} before step 1"] * len(scenes)
         self.backends: set[str] = set()
 
     def run(self, stop: StopRequests, bar: ProgressBar) -> None:
-        """Run all members, or until asked to stop."""
-        with ThreadPoolExecutor(self._workers, "deli") as pool:
-            try:
-                futures = [pool.submit(self._work, number) for number in range(self._workers)]
-                self._watch(futures, stop, bar)
-            except KeyboardInterrupt:
-                stop.reason = stop.reason or "SIGINT"
-            finally:
-                self._stopped = True
-        for future in futures:
-            future.result()
+        """Run all members, or until asked to stop; a member whose step does not end then is left to itself."""
+        for number in range(self._workers):
+            threading.Thread(target=self._try, args=(number,), name=f"deli_{number}", daemon=True).start()
+        try:
+            self._watch(stop, bar)
+        except KeyboardInterrupt:
+            stop.reason = stop.reason or "SIGINT"
+            self._stopped = True
+            time.sleep(REFRESH_SECONDS)
+        for member in list(self._at.values()):
+            if self.outcomes[member].startswith(INTERRUPTED):
+                step = self._gathering.steps_taken[member]
+                self.outcomes[member] = f"{INTERRUPTED} after step {step}, in the middle of the next"
+        if self._errors:
+            raise self._errors[0]
 
     def _keep_backends(self, *steppers: Any) -> None:
         with self._lock:
             self.backends.update(*(stepper.backends for stepper in steppers))
 
-    def _watch(self, futures: list[Future[None]], stop: StopRequests, bar: ProgressBar) -> None:
-        waiting = True
-        while waiting:
-            done, unfinished = wait(futures, REFRESH_SECONDS, FIRST_EXCEPTION)
-            waiting = bool(unfinished) and not any(future.exception() for future in done)
-            if stop.reason is not None:
-                self._stopped = True
+    def _watch(self, stop: StopRequests, bar: ProgressBar) -> None:
+        """Wait for all threads to end, but not for ever once they were told to."""
+        working, told = self._workers, math.inf
+        while working and time.monotonic() < told + PATIENCE_SECONDS:
+            with suppress(queue.Empty):  # unlike a thread's join, it stays right where a signal interrupts it
+                self._ended.get(timeout=REFRESH_SECONDS)
+                working -= 1
+            if not self._stopped and (stop.reason is not None or self._errors):
+                self._stopped, told = True, time.monotonic()
             if bar.active:
                 bar.update(int(self._gathering.steps_taken.sum()))
+
+    def _try(self, number: int) -> None:
+        try:
+            self._work(number)
+        except BaseException as error:
+            self._errors.append(error)
+        finally:
+            self._at.pop(number, None)
+            self._ended.put(number)
 
     def _work(self, number: int) -> None:
         steppers: dict[_Shape, Any] = {shape_of(self._scenes[0]): self._first} if number == 0 else {}
@@ -78,17 +98,18 @@ class Crew:
             except IndexError:
                 break
             for shape, members in itertools.groupby(chunk, lambda member: shape_of(self._scenes[member])):
-                self._run_alike(steppers, shape, list(members))
+                self._run_alike(number, steppers, shape, list(members))
         self._keep_backends(*steppers.values())
 
-    def _run_alike(self, steppers: dict[_Shape, Any], shape: _Shape, members: list[int]) -> None:
-        """Run members of one shape, by its stepper."""
+    def _run_alike(self, number: int, steppers: dict[_Shape, Any], shape: _Shape, members: list[int]) -> None:
+        """Run members of one shape, by its stepper, in a thread."""
         plan, scenes = self._plan, [self._scenes[member] for member in members]
         systems = None if shape is None else bind_systems(scenes, self._first.implicit)
         for place, (member, scene) in enumerate(zip(members, scenes, strict=True)):
             if self._stopped:
                 return
             block = self._gathering.block(member)
+            self._at[number] = member
             try:
                 if shape not in steppers:
                     steppers[shape] = plan.stepper(scene)

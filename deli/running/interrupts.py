@@ -1,7 +1,10 @@
 """Stopping a run between two steps instead of in the middle of one."""
 
+import _thread
+import math
 import signal
 import threading
+import time
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +12,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+PATIENCE_SECONDS = 5.0
+"""How long after a signal a step may go on to its end."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -28,16 +33,26 @@ class Interrupted(KeyboardInterrupt):
 class StopRequests:
     """While active, SIGINT and SIGTERM ask for a stop after the current step; a second signal stops at once.
 
-    Signals reach Python's main thread only: in any other thread this does nothing.
+    Signals reach Python's main thread only: in any other thread this does nothing. What Python runs can be stopped in
+    the middle, and so can its sleep; what a library in C does cannot, not even by the second signal.
+
+    Parameters
+    ----------
+    patience : float
+        Seconds after which the first signal acts like a second one.
 
     Attributes
     ----------
     reason : str or None
         Name of the signal that asked, or None.
+    breakable : bool
+        Whether a second signal stops at once. While it is false, one does nothing.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, patience: float = math.inf) -> None:
         self.reason: str | None = None
+        self.breakable = True
+        self._patience, self._over, self._lock = patience, False, threading.Lock()
         self._previous: dict[int, Any] = {}
 
     def __enter__(self) -> "StopRequests":
@@ -46,11 +61,23 @@ class StopRequests:
         return self
 
     def __exit__(self, *exception: object) -> None:
+        self._over = True
+        with self._lock:  # from here on no signal of our own is on its way to the handlers before
+            pass
         for number, handler in self._previous.items():
             # None stands for a handler that was not installed by Python and cannot be put back.
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
-        if self.reason is not None:
+        if self.reason is None:
+            self.reason = signal.Signals(number).name
+            if self._patience < math.inf:
+                _thread.start_new_thread(self._lose_patience, (number,))  # takes no lock that this thread may hold
+        elif self.breakable and not self._over:
             raise KeyboardInterrupt
-        self.reason = signal.Signals(number).name
+
+    def _lose_patience(self, number: int) -> None:
+        time.sleep(self._patience)
+        with self._lock:
+            if not self._over:
+                signal.pthread_kill(threading.main_thread().ident or 0, number)

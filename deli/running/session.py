@@ -18,6 +18,7 @@ from deli.recording.reading import read
 from deli.recording.recorder import BLOCK_ROWS, Memory, Recorder, diagnose
 from deli.recording.schema import STATS, TRAJECTORY, Groups, Schema, build_tree
 from deli.recording.subproblems import COUNTED
+from deli.running.interrupts import PATIENCE_SECONDS as STEP_SECONDS
 from deli.running.interrupts import Interrupted, StopRequests
 from deli.running.plan import Plan
 from deli.running.progress import ProgressBar
@@ -65,14 +66,16 @@ class Session:
 
     def run(self) -> xr.DataTree:
         """Take all steps that are left; see `deli.simulate` for how this can end."""
+        stop = StopRequests(STEP_SECONDS)
         try:
-            with StopRequests() as stop, self._bar:
+            with stop, self._bar:
                 outcome = self._advance(stop)
         except KeyboardInterrupt:
-            outcome = f"{INTERRUPTED} after step {self._step}"
+            by = f" by {stop.reason}" if stop.reason else ""
+            outcome = f"{INTERRUPTED}{by} after step {self._step}, in the middle of the next"
         except netcdf.RecordingError:
             raise
-        except Exception as error:
+        except BaseException as error:  # an exit and a panic in Rust are no Exception
             outcome = self._failure(f"{type(error).__name__}: {error}")
             with suppress(Exception):  # the function that raised may be the one that the row needs
                 self._record_last_good()
@@ -132,7 +135,9 @@ class Session:
         while self._step < plan.steps:
             if stop.reason is not None:
                 return f"{INTERRUPTED} by {stop.reason} after step {self._step}"
+            stop.breakable = True
             error = self._stepper.advance(block, plan.steps, plan.every, time.monotonic() + REFRESH_SECONDS)
+            stop.breakable = False  # rows are written whole
             if error is not None:
                 self._record_last_good()
                 return self._failure(str(error))

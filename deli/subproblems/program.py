@@ -99,13 +99,19 @@ class ProgramSolver:
         Raises
         ------
         StepError
-            When no answer within a thousand tolerances was found.
+            When no answer within a thousand tolerances was found, or the backend raises something.
         """
         program, free = self.program, rows - equalities
         if rows > LARGEST_DENSE and not newton and self._natively(size, equalities, rows):
             return
-        compiled, kept = self.pose(size, equalities, rows, newton)
-        solution = compiled.solve()
+        try:
+            compiled, kept = self.pose(size, equalities, rows, newton)
+            solution = compiled.solve()
+        except solvers.ParameterError as error:
+            raise StepError(f"{SUBPROBLEMS[self._subproblem]}: {error}; use a smaller step_size.") from error
+        except solvers.SolverError as error:
+            self._stats.add_failure(self._subproblem, rows)
+            raise StepError(f"{SUBPROBLEMS[self._subproblem]}: {error}; try another backend.") from error
         self._account(solution, rows)
         program.z[:size] = solution.primal["velocity"]
         duals = iter(solution.dual)

@@ -99,6 +99,12 @@ class StepStats:
         self.overhead_time[subproblem] += overhead_time
         self._worsen(subproblem, SOLVED)
 
+    def add_failure(self, subproblem: int, rows: int) -> None:
+        """Count a program that a backend has no answer to, not even a bad one."""
+        self.solves[subproblem] += 1
+        self.rows[subproblem] += rows
+        self._worsen(subproblem, FAILED)
+
     def measure(self, subproblem: int, primal: float, dual: float, complementarity: float) -> None:
         """Record residuals of a subproblem; the largest since the last reset are kept."""
         self.primal_residual[subproblem] = np.fmax(self.primal_residual[subproblem], primal)
