@@ -105,7 +105,11 @@ class ProgramSolver:
         if rows > LARGEST_DENSE and not newton and self._natively(size, equalities, rows):
             return
         compiled, kept = self.pose(size, equalities, rows, newton)
-        solution = compiled.solve()
+        try:
+            solution = compiled.solve()
+        except solvers.ParameterError as error:
+            name = SUBPROBLEMS[self._subproblem]
+            raise StepError(f"{name}: its program holds nan or infinity; use a smaller step_size.") from error
         self._account(solution, rows)
         program.z[:size] = solution.primal["velocity"]
         duals = iter(solution.dual)
@@ -234,7 +238,7 @@ class ProgramSolver:
             with_options = f" with options {dict(self._choice.options)!r}" if self._choice.options else ""
             raise InputError(
                 f"solvers.{SUBPROBLEMS[self._subproblem]}: backend {self._choice.backend!r}{with_options}: "
-                f"{str(error).splitlines()[0]}"
+                f"{(str(error) or type(error).__name__).splitlines()[0]}"
             ) from error
 
     def _exported(self, rows: int, size: int) -> Record:
