@@ -104,7 +104,7 @@ def study(
 
     if workers is not None and scheduler is not None:
         raise InputError("--workers and --scheduler are both given; a Dask scheduler has its own workers.")
-    checked, folder = load(source, quick), output or Path(source.stem)
+    checked, folder = load(source, quick), output or _folder_of(source)
     decisions = plan_study(checked, folder, retry_failed=retry_failed)
     if dry_run:
         _print_plan(decisions)
@@ -119,6 +119,15 @@ def study(
     if not quiet:
         console().print(f"{_counted(result)}; in {folder}", markup=False, soft_wrap=True)
     _complain_of(result, folder)
+
+
+def _folder_of(source: Path) -> Path:
+    """The folder that is called like the study, here and nowhere else."""
+    from deli.errors import InputError
+
+    if source.stem in ("", ".", ".."):
+        raise InputError(f"{source} gives no name for a folder; say which with -o.")
+    return Path(source.stem)
 
 
 def _print_plan(decisions: "Sequence[Decision]") -> None:
