@@ -21,11 +21,11 @@ Result = TypeVar("Result")
 
 
 def console() -> Console:
-    """Return a console on standard output: plain text of a fixed width where that is not a terminal."""
+    """Return a console on standard output: words as they are, of a fixed width where that is not a terminal."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # names of files may hold bytes that are no letters
     terminal = sys.stdout.isatty()
-    return Console(file=sys.stdout, highlight=False, width=None if terminal else PLAIN_WIDTH)
+    return Console(file=sys.stdout, highlight=False, markup=False, width=None if terminal else PLAIN_WIDTH)
 
 
 def complain(message: object) -> None:

@@ -109,7 +109,7 @@ def study(
     if dry_run:
         _print_plan(decisions)
     if not quiet:
-        console().print(f"{checked.title}: {reasons(decisions)}", markup=False, soft_wrap=True)
+        console().print(f"{checked.title}: {reasons(decisions)}", soft_wrap=True)
     if dry_run:
         return
     with nullcontext() if quiet else Board(decisions) as board:
@@ -117,7 +117,7 @@ def study(
             checked, folder, workers=workers, address=scheduler, retry_failed=retry_failed, watcher=board
         )
     if not quiet:
-        console().print(f"{_counted(result)}; in {folder}", markup=False, soft_wrap=True)
+        console().print(f"{_counted(result)}; in {folder}", soft_wrap=True)
     _complain_of(result, folder)
 
 

@@ -4,7 +4,7 @@ import dataclasses
 import difflib
 import functools
 import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
@@ -172,6 +172,17 @@ def _keys(model: type[BaseModel], parents: Iterable[Any]) -> list[str]:
         annotation = inner.model_fields[parent].annotation
         if get_origin(annotation) in (dict, list):
             next(path)  # which entry it is does not matter
-        candidates = [annotation, *get_args(annotation)]
-        inner = next(kind for kind in candidates if isinstance(kind, type) and issubclass(kind, BaseModel))
+        models = {found.__name__: found for found in _models(annotation)}
+        if len(models) > 1:  # which are told apart by their kinds
+            kind = next(path)
+            models = {name: found for name, found in models.items() if found.model_fields["kind"].default == kind}
+        (inner,) = models.values()
     return list(inner.model_fields)
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Models within an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _models(part)

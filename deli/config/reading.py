@@ -46,8 +46,11 @@ def _text(path: Path) -> str:
         found = path.stat()
         plain, small = stat.S_ISREG(found.st_mode), found.st_size <= MOST_BYTES
         if plain and small:
-            return path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:  # the latter of names, or of contents, that are no letters
+            return path.read_bytes().decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise InputError(f"{path} cannot be read: {error.reason} (at line {line}).") from error
+    except (OSError, ValueError) as error:  # the latter of names that no file has
         raise InputError(f"{path} cannot be read: {error}.") from error
     why = f"it has {found.st_size:,} bytes, allowed: {MOST_BYTES:,}" if plain else "it is no plain file"
     raise InputError(f"{path} cannot be read: {why}.")

@@ -232,9 +232,13 @@ def _marker(index: int) -> str:
 
 
 def _finish(axes: Axes) -> Axes:
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    _legend(axes)
+    """Scales and legend of points on logarithmic axes, or the words that there are none."""
+    if any(np.isfinite(np.array(line.get_xydata(), dtype=float)).all(axis=1).any() for line in axes.lines):
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        _legend(axes)
+    else:
+        axes.text(0.5, 0.5, "no case has both numbers", transform=axes.transAxes, ha="center", color="0.4", fontsize=9)
     return axes
 
 

@@ -3,7 +3,6 @@
 import base64
 import html
 import re
-import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -12,9 +11,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from markdown_it import MarkdownIt
-from pydantic import TypeAdapter
 
+from deli.config.reading import parse_toml
 from deli.studies.findings import COMPLETE, SCENE, findings
+from deli.studies.model import check_table
 from deli.studies.plot_tables import Plot
 from deli.studies.plots import check_plots, draw, first_look
 from deli.studies.states import DONE, EXCLUDED
@@ -49,8 +49,8 @@ def plots_of(study: xr.Dataset) -> list[Plot]:
     InputError
         If they show what the study does not have.
     """
-    asked = TypeAdapter(list[Plot]).validate_python(tomllib.loads(study.attrs["study"]).get("plots", []))
-    plots = asked or first_look(study)
+    found = parse_toml(study.attrs["study"]).get("plots", [])
+    plots = check_table({"base": {}, "plots": found}).plots or first_look(study)
     check_plots(plots, study)
     return plots
 

@@ -2,6 +2,7 @@
 
 import re
 
+import pytest
 from hostile_process import Outcome
 from hypothesis import HealthCheck, Phase, given, settings
 
@@ -36,6 +37,17 @@ def judge(outcome: Outcome, *keys: str) -> Outcome:
     else:
         assert PLACE.search(line) or any(key in line for key in (*KEYS, *keys)), line
     return outcome
+
+
+def words(content):
+    """Words of a file that a refusal may name."""
+    text = content if isinstance(content, str) else content.decode(errors="replace")
+    return re.findall(r"[A-Za-z_]\w{2,}", text)[:200]
+
+
+def sizes(few, many):
+    """How many cases are tried: few by default, many in the long form."""
+    return pytest.mark.parametrize("examples", [few, pytest.param(many, marks=pytest.mark.long)])
 
 
 def try_all(strategy, examples, check):

@@ -5,7 +5,7 @@ import re
 import tomllib
 
 import pytest
-from hostile_judging import judge, try_all
+from hostile_judging import judge, sizes, try_all, words
 from hostile_values import (
     CONFIG_FILES,
     LITERALS,
@@ -28,10 +28,6 @@ SHORT = ("--set", "steps=2", "--set", "record.every=1")
 RUN = st.sampled_from(["check", "check", "dry", "dry", "run"])
 
 
-def sizes(few, many):
-    return pytest.mark.parametrize("examples", [few, pytest.param(many, marks=pytest.mark.long)])
-
-
 @pytest.fixture
 def tried(victim, tmp_path):
     """Carry out one config in the given way, and judge what became of it."""
@@ -47,11 +43,6 @@ def tried(victim, tmp_path):
 
     yield carry_out
     assert {path.name for path in tmp_path.iterdir()} <= {"config.toml", "inside"}
-
-
-def words(content):
-    text = content if isinstance(content, str) else content.decode(errors="replace")
-    return [word for word in re.findall(r"[A-Za-z_]\w{2,}", text)[:200]]
 
 
 @sizes(60, 4000)
