@@ -109,7 +109,12 @@ def members(backend: str) -> tuple[str, ...]:
 
 
 def _require(name: str) -> None:
-    if name in _registered or name in _offered() or name.startswith(REFERENCE):
+    if name.startswith(REFERENCE):
+        from solvers.backends.reference import require  # cvxpy takes a second to import
+
+        require(name)
+        return
+    if name in _registered or name in _offered():
         return
     if name not in BUILTIN:
         allowed = [*CHAINS, *(info.name for info in backends()), f"{REFERENCE}SOLVER"]

@@ -70,9 +70,7 @@ def animate(
     if quiet:
         return
     frames, span = len(film.times), f"time {film.times[0]:g} to {film.times[-1]:g}"
-    console().print(
-        f"Animated in {target}: {span} in {frames} frames, {frames / film.fps:.3g} s", markup=False, soft_wrap=True
-    )
+    console().print(f"Animated in {target}: {span} in {frames} frames, {frames / film.fps:.3g} s", soft_wrap=True)
     if film.misses_motion:
         console().print(
             "Bodies go to and fro faster than these frames show: end earlier (--end), or play longer (--duration)."

@@ -23,7 +23,8 @@ def check(
     from deli.commands.tables import print_plan
 
     if file.suffix == ".toml":
-        print_plan(console(), read_config(str(file), settings or []).plan(overwrite=True))
+        config = read_config(str(file), settings or [])
+        print_plan(console(), config.plan(config.output, overwrite=True))
         return
     _check_run(file)
 

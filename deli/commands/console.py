@@ -1,6 +1,7 @@
 """What all commands share: where they print, and how they fail."""
 
 import functools
+import io
 import logging
 import sys
 from collections.abc import Callable
@@ -13,20 +14,31 @@ from deli.errors import DeliError, InputError
 
 RUN_FAILED, INPUT_AT_FAULT = 1, 2
 PLAIN_WIDTH = 120
+LONGEST_MESSAGE = 4000
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
 
 def console() -> Console:
-    """Return a console on standard output: plain text of a fixed width where that is not a terminal."""
+    """Return a console on standard output: words as they are, of a fixed width where that is not a terminal."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # names of files may hold bytes that are no letters
     terminal = sys.stdout.isatty()
-    return Console(file=sys.stdout, highlight=False, width=None if terminal else PLAIN_WIDTH)
+    return Console(file=sys.stdout, highlight=False, markup=False, width=None if terminal else PLAIN_WIDTH)
 
 
 def complain(message: object) -> None:
-    """Print one message to standard error."""
-    typer.echo(f"deli: {message}", err=True)
+    """Print one message to standard error, on one line of bounded length.
+
+    What a config holds may be in it: what would not be printed, or steer the terminal, is shown as Python writes it.
+    """
+    text = str(message)
+    if len(text) > LONGEST_MESSAGE:
+        half = LONGEST_MESSAGE // 2
+        text = f"{text[:half]} ... {text[-half:]}"
+    shown = text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    typer.echo(f"deli: {shown}", err=True)
 
 
 def guarded(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:

@@ -82,7 +82,7 @@ def _print_runs(figure: "FigureConfig", data: "xr.DataTree") -> None:
     for run in data.children.values():
         took = f", {run.attrs['wall_time']:.3g} s" if "wall_time" in run.attrs else ""
         lines.append(f"  {run.attrs['label']}: {run.attrs['title']}{took}")
-    console().print("\n".join(lines), markup=False, soft_wrap=True)
+    console().print("\n".join(lines), soft_wrap=True)
 
 
 def _unfinished(data: "xr.DataTree") -> "list[tuple[str, xr.DataTree]]":

@@ -15,7 +15,6 @@ def scenes(
     name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Show this scene's parameters.")] = None,
 ) -> None:
     """List the scenes, or show one scene's parameters and documentation."""
-    from rich.markup import escape
     from rich.table import Table
 
     from deli import scenes as registry
@@ -25,7 +24,7 @@ def scenes(
         for known in registry.available():
             paper = registry.defaults(known)
             summary = _first_line(registry.get(known))
-            table.add_row(known, escape(summary), *(str(paper[key]) for key in ("step_size", "duration", "scheme")))
+            table.add_row(known, summary, *(str(paper[key]) for key in ("step_size", "duration", "scheme")))
         console().print(table)
         return
     if name not in registry.available():
@@ -35,10 +34,10 @@ def scenes(
     build = inspect.unwrap(registry.get(name))
     table = Table("parameter", "default", title=name, title_justify="left")
     for key, parameter in inspect.signature(build).parameters.items():
-        table.add_row(f"scene.{key}", escape("derived" if parameter.default is None else repr(parameter.default)))
+        table.add_row(f"scene.{key}", "derived" if parameter.default is None else repr(parameter.default))
     table.add_row("scene.perturbation", "none; { seed = 0, position = 0.0, momentum = 0.0 } adds normal noise")
     console().print(table)
-    console().print(inspect.getdoc(build) or "", markup=False, soft_wrap=True)
+    console().print(inspect.getdoc(build) or "", soft_wrap=True)
 
 
 @guarded
@@ -64,7 +63,6 @@ def methods() -> None:
 @guarded
 def backends() -> None:
     """List the solvers: installed or not, their versions, and what a tolerance t means to each."""
-    from rich.markup import escape
     from rich.table import Table
 
     from deli.recording.provenance import backend_version
@@ -78,7 +76,7 @@ def backends() -> None:
     for info in known_backends():
         mapping = ", ".join(f"{key} = {factor:g} t" for key, factor in TOLERANCES.get(info.name, {}).items())
         found = backend_version(info.name) if info.installed else f"not installed: {info.install}"
-        table.add_row(info.name, escape(found), mapping)
+        table.add_row(info.name, found, mapping)
     console().print(table)
 
 

@@ -35,8 +35,8 @@ def report(
         maps = [plot for plot in plots_of(study) if isinstance(plot, HeatMap)]
         for plot in maps[:1]:
             _print_map(plot, study)
-        console().print("\n".join(f"- {sentence}" for sentence in findings(study)), markup=False, soft_wrap=True)
-        console().print(f"Report in {page} and {text}", markup=False, soft_wrap=True)
+        console().print("\n".join(f"- {sentence}" for sentence in findings(study)), soft_wrap=True)
+        console().print(f"Report in {page} and {text}", soft_wrap=True)
 
 
 def _print_map(plot: "HeatMap", study: "xr.Dataset") -> None:

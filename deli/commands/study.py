@@ -104,12 +104,12 @@ def study(
 
     if workers is not None and scheduler is not None:
         raise InputError("--workers and --scheduler are both given; a Dask scheduler has its own workers.")
-    checked, folder = load(source, quick), output or Path(source.stem)
+    checked, folder = load(source, quick), output or _folder_of(source)
     decisions = plan_study(checked, folder, retry_failed=retry_failed)
     if dry_run:
         _print_plan(decisions)
     if not quiet:
-        console().print(f"{checked.title}: {reasons(decisions)}", markup=False, soft_wrap=True)
+        console().print(f"{checked.title}: {reasons(decisions)}", soft_wrap=True)
     if dry_run:
         return
     with nullcontext() if quiet else Board(decisions) as board:
@@ -117,8 +117,17 @@ def study(
             checked, folder, workers=workers, address=scheduler, retry_failed=retry_failed, watcher=board
         )
     if not quiet:
-        console().print(f"{_counted(result)}; in {folder}", markup=False, soft_wrap=True)
+        console().print(f"{_counted(result)}; in {folder}", soft_wrap=True)
     _complain_of(result, folder)
+
+
+def _folder_of(source: Path) -> Path:
+    """The folder that is called like the study, here and nowhere else."""
+    from deli.errors import InputError
+
+    if source.stem in ("", ".", ".."):
+        raise InputError(f"{source} gives no name for a folder; say which with -o.")
+    return Path(source.stem)
 
 
 def _print_plan(decisions: "Sequence[Decision]") -> None:

@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from deli.memory import in_words
 from deli.recording import provenance
 from deli.recording.paths import partial_path
 from deli.recording.schema import STATS, TRAJECTORY, dataset_of
@@ -25,7 +26,7 @@ def print_plan(console: Console, plan: Plan) -> None:
     for key, value in provenance.flatten(config).items():
         _add(table, key, _literal(value))
     _add(table, "duration", f"{plan.steps * plan.step_size:.9g}")
-    _add(table, "rows", f"{plan.rows:,} (about {_size(plan)})")
+    _add(table, "rows", f"{plan.rows:,} (about {in_words(plan.size)})")
     _add(table, "output", "none" if plan.output is None else str(plan.output))
     if plan.output is not None and plan.resume:
         _add(table, "resume", _resumption(plan))
@@ -69,12 +70,6 @@ def _add(table: Table, *cells: str) -> None:
 
 def _literal(value: object) -> str:
     return f"{value:.9g}" if isinstance(value, float) else str(value)
-
-
-def _size(plan: Plan) -> str:
-    a_row = 8 * (2 * plan.scene.dof + 12) + 3 * 81
-    size = plan.rows * a_row / 1e6
-    return f"{size:.1f} MB" if size < 1e3 else f"{size / 1e3:.1f} GB"
 
 
 def _resumption(plan: Plan) -> str:

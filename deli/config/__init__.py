@@ -5,7 +5,6 @@ A config names registered things only; nothing in it is evaluated, imported or u
 
 import functools
 import json
-import tomllib
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +13,9 @@ from typing import Any
 from pydantic import ValidationError
 
 from deli import scenes
-from deli.config.models import config_model, method_model, refuse_nan, say, scene_model, unknown
+from deli.config.models import config_model, method_model, say, scene_model, unknown
 from deli.config.overrides import apply_overrides, expand
+from deli.config.reading import read_toml, refuse_unusable
 from deli.errors import InputError
 from deli.integrators.registry import METHODS
 from deli.mechanics.scene import Scene
@@ -45,6 +45,8 @@ class Config:
     def plan(self, output: str | Path | None = None, *, resume: bool = False, overwrite: bool = False) -> Plan:
         """Build the scene and the method, and check that the run is possible.
 
+        The run is recorded to `output`, whatever the config names.
+
         Raises
         ------
         InputError
@@ -55,7 +57,7 @@ class Config:
         return make_plan(
             _scene(json.dumps(scene)),
             _build("method", METHODS[method.pop("name")], method),
-            output=output or record.get("output"),
+            output=output,
             every=record["every"],
             subproblems=record["subproblems"],
             resume=resume,
@@ -72,12 +74,7 @@ def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
     InputError
         If the file cannot be read or is not TOML, and for whatever `parse` refuses.
     """
-    try:
-        table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read: {error}.") from error
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path} is not valid TOML: {error}.") from error
+    _, table = read_toml(Path(path))
     try:
         return parse(table, overrides)
     except InputError as error:
@@ -96,8 +93,8 @@ def parse(table: Mapping[str, Any], overrides: Iterable[str] = ()) -> Config:
         For an unknown key, scene, method or backend, a wrong type, or a value out of range, naming the key's path,
         what was found and what is allowed.
     """
+    refuse_unusable(table)
     filled = apply_overrides(expand(table), overrides)
-    refuse_nan(filled)
     scene = _named(filled, "scene", scenes.available())
     if isinstance(filled.setdefault("method", {}), dict):
         filled["method"].setdefault("name", "gvi")
@@ -132,7 +129,7 @@ def _named(table: dict[str, Any], key: str, allowed: Collection[str]) -> str:
         found = "is missing" if entry is None else f"is {entry!r}"
         raise InputError(f"{key} {found}; expected a table [{key}] with a name, one of: {', '.join(allowed)}.")
     name = entry.get("name")
-    if name not in allowed:
+    if not isinstance(name, str) or name not in allowed:
         raise InputError(unknown(f"{key}.name", name, allowed))
     return str(name)
 

@@ -4,15 +4,13 @@ import dataclasses
 import difflib
 import functools
 import inspect
-import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 import solvers
-from deli.errors import InputError
 from deli.integrators.integrator import Integrator
 from solvers.registry import CHAINS, REFERENCE
 
@@ -36,6 +34,15 @@ def _backend(name: Any) -> Any:
     return name
 
 
+def _options(options: Any) -> Any:
+    """Refuse options that name files: a config chooses none but the output."""
+    if isinstance(options, dict):
+        for name in options:
+            if "file" in name.lower():
+                raise PydanticCustomError("unknown", f"{name} names a file, which a config must not; leave it out")
+    return options
+
+
 class SolverTable(Table):
     """Which backend solves, and how hard it tries."""
 
@@ -43,7 +50,7 @@ class SolverTable(Table):
     tolerance: float = Field(default=1e-9, gt=0, lt=1)
     polish: bool = True
     warm_start: bool = False
-    options: dict[str, Any] = {}
+    options: Annotated[dict[str, Any], BeforeValidator(_options)] = {}
 
 
 class SolversTable(Table):
@@ -130,23 +137,6 @@ def _numbers(value: Any) -> Any:
 Numbers = Annotated[Any, BeforeValidator(_numbers)]
 
 
-def refuse_nan(table: Mapping[str, Any], prefix: str = "") -> None:
-    """Refuse nan and infinity anywhere in a table.
-
-    Raises
-    ------
-    InputError
-        Naming the key.
-    """
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            refuse_nan(value, f"{prefix}{key}.")
-        elif isinstance(value, list):
-            refuse_nan({str(index): entry for index, entry in enumerate(value)}, f"{prefix}{key}.")
-        elif isinstance(value, float) and not math.isfinite(value):
-            raise InputError(f"{prefix}{key} is {value}; allowed: finite numbers.")
-
-
 def unknown(path: str, found: Any, allowed: Iterable[str]) -> str:
     """Say that a name is not known."""
     return f"{path} is {found!r}; {listed(found, allowed)}."
@@ -182,6 +172,17 @@ def _keys(model: type[BaseModel], parents: Iterable[Any]) -> list[str]:
         annotation = inner.model_fields[parent].annotation
         if get_origin(annotation) in (dict, list):
             next(path)  # which entry it is does not matter
-        candidates = [annotation, *get_args(annotation)]
-        inner = next(kind for kind in candidates if isinstance(kind, type) and issubclass(kind, BaseModel))
+        models = {found.__name__: found for found in _models(annotation)}
+        if len(models) > 1:  # which are told apart by their kinds
+            kind = next(path)
+            models = {name: found for name, found in models.items() if found.model_fields["kind"].default == kind}
+        (inner,) = models.values()
     return list(inner.model_fields)
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Models within an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _models(part)

@@ -1,10 +1,10 @@
 """Changing a config's table: short forms spelled out, ``key.path=value`` overrides."""
 
 import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from deli.config.reading import MOST_DEPTH, parse_toml, refuse_unusable
 from deli.errors import InputError
 
 BARE_STRING = re.compile(r"[A-Za-z_./~][\w./:~-]*")
@@ -48,10 +48,11 @@ def apply_overrides(table: dict[str, Any], overrides: Iterable[str]) -> dict[str
     for text in overrides:
         path, equals, value = text.partition("=")
         keys = [key.strip() for key in path.split(".")]
-        if not equals or not all(keys):
+        if not equals or not all(keys) or len(keys) > MOST_DEPTH:
             raise InputError(f"--set {text}: expected key=value, such as step_size=0.01 or scene.balls=3.")
         parsed = parse_value(text, value.strip())
         try:
+            refuse_unusable({".".join(keys): parsed})
             override(table, keys, parsed)
         except InputError as error:
             raise InputError(f"--set {text}: {error}") from error
@@ -100,16 +101,16 @@ def override(table: dict[str, Any], keys: list[str], value: Any) -> None:
 def parse_value(text: str, value: str) -> Any:
     """Read a value in TOML's syntax; a bare word is a string."""
     try:
-        parsed = tomllib.loads(f"value = {value}")
-        if len(parsed) == 1:
-            return parsed["value"]
-        raise InputError(f"--set {text}: {value!r} is more than one value.")
-    except tomllib.TOMLDecodeError as error:
+        parsed = parse_toml(f"value = {value}")
+    except InputError as error:
         if BARE_STRING.fullmatch(value):
             return value
         raise InputError(
             f"--set {text}: {value!r} is neither a TOML value nor a bare word ({error}); quote strings."
         ) from error
+    if len(parsed) > 1:
+        raise InputError(f"--set {text}: {value!r} is more than one value.")
+    return parsed["value"]
 
 
 def _copied(value: Any) -> Any:

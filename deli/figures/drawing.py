@@ -16,7 +16,7 @@ from deli.figures.model import DrawnRunTable, FigureConfig, PanelTable
 from deli.figures.quantities import QUANTITIES
 from deli.mechanics.scene import Scene
 from deli.plotting import shapes
-from deli.plotting.lines import color, draw_range, legend_above, unit
+from deli.plotting.lines import color, draw_range, legend_above, plain, unit
 from deli.plotting.style import STYLE, new_figure
 from deli.plotting.trajectory import draw_bodies, draw_container, draw_links, sphere
 from deli.recording.schema import dataset_of
@@ -36,7 +36,7 @@ def draw(config: FigureConfig, data: xr.DataTree) -> Figure:
         else:
             figure = _draw_snapshots(data)
         shortened = " (quick: shorter runs)" if data.attrs["quick"] else ""
-        figure.suptitle(f"{config.name}  {config.table.title}{shortened}", fontsize=11)
+        figure.suptitle(f"{plain(config.name)}  {plain(config.table.title)}{shortened}", fontsize=11)
     return figure
 
 
@@ -58,17 +58,18 @@ def _draw_panel(axes: Axes, panel: PanelTable, runs: Mapping[str, DrawnRunTable]
     chosen = panel.runs or list(runs)
     for run in chosen:
         shown, drawn = dataset_of(data, run), runs[run]
+        label = plain(drawn.label)
         time = shown["time"].values
         lines = [line for name in panel.quantities for line in _lines(name, shown[name])]
         for index, (symbol, values) in enumerate(lines):
-            words = [drawn.label] if len(lines) == 1 else [symbol] if len(chosen) == 1 else [drawn.label, symbol]
+            words = [label] if len(lines) == 1 else [symbol] if len(chosen) == 1 else [label, symbol]
             hue = color(index) if len(lines) > 1 and len(chosen) == 1 else HUES[drawn.color]
             if panel.draw == "range":
                 draw_range(axes, time, values, hue, ", ".join(words))
             else:
                 axes.plot(time, values, color=hue, linestyle=drawn.style, linewidth=0.8, label=", ".join(words))
         if len(lines) > 1 and len(chosen) == 1:
-            axes.set_title(drawn.label)
+            axes.set_title(label)
     labels = [
         (values.attrs["long_name"], unit(values.attrs["units"])) for values in (shown[q] for q in panel.quantities)
     ]

@@ -17,7 +17,7 @@ from deli.figures.model import FigureConfig
 from deli.figures.quantities import extract
 from deli.plotting.figures import DPI, check_picture
 from deli.recording import provenance
-from deli.recording.paths import check_output
+from deli.recording.paths import check_name, check_output
 from deli.recording.schema import TRAJECTORY, Schema, dataset_of
 from deli.running.plan import Plan
 from deli.simulation import run_plan
@@ -92,6 +92,7 @@ class Maker:
         Interrupted
             On SIGINT or SIGTERM; what was recorded until then is continued the next time.
         """
+        check_name("folder", self._runs)
         try:
             self._runs.mkdir(parents=True, exist_ok=True)
         except OSError as error:

@@ -1,6 +1,5 @@
 """A figure's config: what it shows, the runs it is made of, and how they are drawn."""
 
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,8 +8,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError
 
 from deli import config
-from deli.config.models import Table, refuse_nan, say, unknown
+from deli.config.models import Table, say, unknown
 from deli.config.overrides import expand, override
+from deli.config.reading import read_toml, refuse_unusable
 from deli.errors import InputError
 from deli.figures.exact import SOLUTIONS
 from deli.recording.provenance import flatten
@@ -117,13 +117,7 @@ def load(path: Path) -> FigureConfig:
         If the file cannot be read or is not TOML, or for a key or value that is not allowed, naming the key's path,
         what was found and what is allowed. Configs of runs are checked by `FigureConfig.run_config`.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-        found = tomllib.loads(text)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read: {error}.") from error
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path} is not valid TOML: {error}.") from error
+    text, found = read_toml(path)
     try:
         return FigureConfig(path.stem, text, _checked(found))
     except InputError as error:
@@ -149,7 +143,7 @@ def load_folder(folder: Path, names: Iterable[str] = ()) -> list[FigureConfig]:
 
 
 def _checked(found: Mapping[str, Any]) -> FigureTable:
-    refuse_nan(found)
+    refuse_unusable(found)
     try:
         table = FigureTable.model_validate(found)
     except ValidationError as error:

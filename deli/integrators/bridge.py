@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from deli.errors import StepError
 from deli.kernels import codes as asked
 from deli.kernels.balance import balance_numerical, balance_shadow
 from deli.kernels.landing import land
@@ -132,7 +133,10 @@ class Bridge:
         self._mail.hessian[:] = potential_hessian(self._scene, self._mail.at)
 
     def _soften(self) -> None:
-        values, vectors = np.linalg.eigh(self._mail.hessian)
+        try:
+            values, vectors = np.linalg.eigh(self._mail.hessian)
+        except np.linalg.LinAlgError as error:
+            raise StepError(f"position: the potential's hessian is out of range ({error}); use other units.") from error
         self._mail.hessian[:] = (vectors * np.maximum(values, _SOFTEST)) @ vectors.T
 
     def _values(self, stack: ConstraintStack, out: np.ndarray) -> None:

@@ -9,10 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deli.errors import InputError
+from deli.memory import require_memory
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+BYTES_A_BODY = 2000
+"""What a scene and a stepper keep of each."""
 TINY = np.finfo(np.float64).tiny
 """Keeps a division by a length that may be zero finite."""
 
@@ -70,6 +73,13 @@ def whole_number(name: str, value: Any, least: int = 0) -> int:
     if value < least:
         raise InputError(f"{name}: found {value}; it must be >= {least}")
     return int(value)
+
+
+def body_count(name: str, value: Any, least: int = 1) -> int:
+    """Read how many bodies or walls a scene is to have: a whole number >= ``least`` that fits into memory."""
+    count = whole_number(name, value, least)
+    require_memory(f"{name}: found {count:,}", BYTES_A_BODY * count, "take fewer")
+    return count
 
 
 def broadcast(name: str, array: Array, shape: tuple[int, ...], per: str) -> Array:

@@ -25,6 +25,14 @@ def check_potential(potential: PotentialSum, q: Array) -> None:
         )
 
 
+def check_kinetic(p: Array, mass: Array) -> None:
+    """Refuse a momentum whose kinetic energy is not finite."""
+    with np.errstate(all="ignore"):
+        energy = float((p * p / mass).sum())
+    if not np.isfinite(energy):
+        raise InputError(f"momentum: its kinetic energy is {energy}; start slower, or choose other units")
+
+
 def check_position(side: str, stack: ConstraintStack, q: Array, distance: float) -> None:
     """Refuse a configuration that misses a constraint by more than ``distance``, a length.
 

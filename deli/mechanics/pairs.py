@@ -7,7 +7,10 @@ from scipy import sparse
 
 from deli.mechanics.arrays import Array, Indices, body_pairs, check_range, frozen
 from deli.mechanics.family import Layout
+from deli.memory import require_memory
 
+BYTES_A_PAIR = 500
+"""What a scene and a stepper keep of each pair, and need to make it."""
 LARGEST_DENSE = 40_000
 """Entries up to which the matrix of differences is faster dense than sparse."""
 
@@ -27,6 +30,8 @@ class Pairs:
 
     def __init__(self, name: str, pairs: Indices | None, layout: Layout) -> None:
         if pairs is None:
+            what, count = f"{name}: all pairs of {layout.bodies:,} bodies", layout.bodies**2 / 2
+            require_memory(what, BYTES_A_PAIR * count, "name those that interact, or take fewer")
             pairs = np.stack(np.triu_indices(layout.bodies, 1), axis=1)
         pairs = body_pairs(name, pairs)
         check_range(name, pairs, layout.bodies)

@@ -14,11 +14,12 @@ from deli.errors import InputError
 from deli.mechanics.arrays import Array, frozen, positive_array, real_array
 from deli.mechanics.constraints import ConstraintFamily, ConstraintStack
 from deli.mechanics.family import Layout
-from deli.mechanics.initial import check_momentum, check_position, check_potential
+from deli.mechanics.initial import check_kinetic, check_momentum, check_position, check_potential
 from deli.mechanics.potential_sum import PotentialSum
 from deli.mechanics.potentials import PotentialFamily
 from deli.mechanics.symmetry import Conserved, conserved
 
+SMALLEST_MASS = 1.0 / np.finfo(np.float64).max
 TOLERANCE = 1e-9
 """How far, relative to the scene, an initial state may miss its constraints."""
 
@@ -93,6 +94,7 @@ class Scene:
         self._set(unilateral=_joined("unilateral", unilateral, ConstraintFamily, ConstraintStack).bind(layout))
         self._set(bilateral=_joined("bilateral", bilateral, ConstraintFamily, ConstraintStack).bind(layout))
         check_potential(self.potential, q)
+        check_kinetic(p, self.mass)
         check_position("unilateral", self.unilateral, q, TOLERANCE * self.length_scale)
         check_position("bilateral", self.bilateral, q, TOLERANCE * self.length_scale)
         check_momentum(self.bilateral, q, p / self.mass, TOLERANCE)
@@ -135,6 +137,8 @@ def _flat(name: str, value: ArrayLike, dimension: int) -> Array:
 
 def _masses(value: ArrayLike, bodies: int, dimension: int) -> Array:
     array = positive_array("mass", value)
+    if np.min(array, initial=np.inf) < SMALLEST_MASS:
+        raise InputError(f"mass: found {float(np.min(array))!r}; 1 / mass must be finite, so >= {SMALLEST_MASS:.3g}")
     if array.size == 1:
         return frozen(np.full(bodies * dimension, array.item()))
     if array.shape == (bodies,):

@@ -15,6 +15,7 @@ from PIL import Image
 
 from deli.errors import DeliError, InputError
 from deli.mechanics.scene import Scene
+from deli.memory import require_memory
 from deli.plotting.lines import COLORS
 from deli.plotting.picture import Picture
 from deli.plotting.playback import FPS, choose_rows, misses_motion
@@ -27,8 +28,10 @@ from deli.running.progress import ProgressBar
 SUFFIXES = (".gif", ".mp4")
 DPI = 100
 SHADES = 128  # of a GIF; flat colours with soft edges need no more
-GIF_FASTEST = 50.0
-"""Frames a second; browsers slow down what is faster."""
+GIF_SLOWEST, GIF_FASTEST = 100.0 / 65535.0, 50.0
+"""Frames a second: what the format holds, and what browsers do not slow down."""
+GIF_BYTES = 2
+"""Of memory for each pixel of each frame: they are written together."""
 
 
 Frames = Iterable[np.ndarray]
@@ -152,6 +155,10 @@ def save_animation(
     rows = choose_rows(time, fps=rate, duration=duration, start=start, end=end, every=every)
     with matplotlib.rc_context(STYLE):
         picture = Picture(run, known_scene(run, scene), rows, dpi)
+        if gif:
+            across, up = (round(pixels) for pixels in picture.figure.bbox.size)
+            what = f"{picture.frames:,} frames of {across} x {up} pixels"
+            require_memory(what, GIF_BYTES * picture.frames * across * up, "pass fewer, a smaller dpi, or .mp4")
         with ProgressBar(target.name, picture.frames, 0, progress, unit="frames") as bar:
             _write(picture, target, rate, _write_gif if gif else _write_mp4, bar)
     return Film(time[rows], rate, misses_motion(_positions(run), rows))
@@ -206,9 +213,9 @@ def gif_rate(fps: float) -> float:
     InputError
         If it is faster than browsers play.
     """
-    if not 0.0 < fps <= GIF_FASTEST:
+    if not GIF_SLOWEST <= fps <= GIF_FASTEST:
         raise InputError(
-            f"fps: found {fps!r}; a GIF holds more than 0 and at most {GIF_FASTEST:g} a second: pass such, or .mp4."
+            f"fps: found {fps!r}; a GIF holds {GIF_SLOWEST:.2g} to {GIF_FASTEST:g} a second: pass such, or .mp4."
         )
     return 100.0 / round(100.0 / fps)
 

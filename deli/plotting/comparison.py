@@ -12,7 +12,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.patches import Rectangle
 
 from deli.errors import InputError
-from deli.plotting.lines import COLORS, color, draw_line, unit
+from deli.plotting.lines import COLORS, color, draw_line, plain, unit
 from deli.plotting.style import STYLE, new_figure
 from deli.recording.schema import TRAJECTORY, dataset_of
 
@@ -159,7 +159,7 @@ def energy_traces(runs: Mapping[str, xr.DataTree], ax: Axes | None = None) -> Ax
     for index, (label, run) in enumerate(runs.items()):
         trajectory = dataset_of(run, TRAJECTORY)
         energy = trajectory["hamiltonian"].values
-        draw_line(axes, trajectory["time"].values, energy - energy[0], color(index), label)
+        draw_line(axes, trajectory["time"].values, energy - energy[0], color(index), plain(label))
         axes.set_xlabel(f"time{unit(trajectory['time'].attrs['units'])}")
         axes.set_ylabel(f"H − H(0){unit(trajectory['hamiltonian'].attrs['units'])}")
     _legend(axes)
@@ -202,7 +202,7 @@ def _parts(data: xr.Dataset, by: str | None) -> Iterator[tuple[str | None, xr.Da
 
 
 def _word(entry: Any) -> str:
-    return f"{entry:.4g}" if isinstance(entry, float | np.floating) else str(entry)
+    return f"{entry:.4g}" if isinstance(entry, float | np.floating) else plain(str(entry))
 
 
 def _complete(data: xr.Dataset) -> xr.DataArray:
@@ -232,9 +232,13 @@ def _marker(index: int) -> str:
 
 
 def _finish(axes: Axes) -> Axes:
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    _legend(axes)
+    """Scales and legend of points on logarithmic axes, or the words that there are none."""
+    if any(np.isfinite(np.array(line.get_xydata(), dtype=float)).all(axis=1).any() for line in axes.lines):
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        _legend(axes)
+    else:
+        axes.text(0.5, 0.5, "no case has both numbers", transform=axes.transAxes, ha="center", color="0.4", fontsize=9)
     return axes
 
 

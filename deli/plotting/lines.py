@@ -17,6 +17,11 @@ def color(index: int) -> str:
     return COLORS[index % len(COLORS)]
 
 
+def plain(text: str) -> str:
+    """Return words that matplotlib shows as they are: without this it takes what is between dollars for a formula."""
+    return text.replace("$", r"\$")
+
+
 def unit(units: str) -> str:
     """Return units for a label: ``M L2 T-2`` as ``[M L² T⁻²]``, nothing for ``1``."""
     return "" if units == "1" else f" [{units.translate(SUPERSCRIPTS)}]"

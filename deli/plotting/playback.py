@@ -8,6 +8,10 @@ from deli.errors import InputError
 
 FPS, SECONDS = 25.0, 10.0
 BODIES = 12
+RATES = 1e-3, 1e3
+"""Frames a second."""
+MOST_FRAMES = 100_000
+"""More than an hour."""
 
 
 def choose_rows(
@@ -41,8 +45,9 @@ def choose_rows(
     InputError
         If a number is out of range or no row lies between ``start`` and ``end``.
     """
-    if not (math.isfinite(fps) and fps > 0.0):
-        raise InputError(f"fps: found {fps!r}; pass a number of frames a second > 0.")
+    slowest, fastest = RATES
+    if not slowest <= fps <= fastest:
+        raise InputError(f"fps: found {fps!r}; pass {slowest:g} to {fastest:g} frames a second.")
     if every is not None and duration is not None:
         raise InputError("every and duration are both set; either one fixes the number of frames: pass one of them.")
     if every is not None and every < 1:
@@ -50,7 +55,15 @@ def choose_rows(
     if duration is not None and not (math.isfinite(duration) and duration > 0.0):
         raise InputError(f"duration: found {duration!r}; pass seconds of playback > 0.")
     shown = _window(time, start, end)
+    if duration is not None and duration * fps > MOST_FRAMES:
+        raise InputError(
+            f"duration {duration!r} at fps {fps!r} is more than {MOST_FRAMES:,} frames; pass a shorter one."
+        )
     if every is not None:
+        if len(shown) > every * MOST_FRAMES:
+            raise InputError(
+                f"every {every!r} makes more than {MOST_FRAMES:,} frames of {len(shown):,} rows; pass more."
+            )
         return shown[::every]
     count = min(len(shown), round(SECONDS * fps)) if duration is None else round(duration * fps)
     inside = time[shown]

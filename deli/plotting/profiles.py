@@ -7,7 +7,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from deli.plotting.lines import COLORS, color, legend_below
+from deli.plotting.lines import COLORS, color, legend_below, plain
 from deli.replaying.profiles import performance_profile
 
 DASHES = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
@@ -30,7 +30,8 @@ def draw_shares(axes: Axes, profile: xr.DataArray) -> None:
     end = max(2.0, 1.5 * float(ratio[-1]))
     for index, name in enumerate(profile["backend"].values):
         share = profile.isel(backend=index).values
-        axes.step([*ratio, end], [*share, share[-1]], where="post", label=str(name), linewidth=1.3, **_style(index))
+        label = plain(str(name))
+        axes.step([*ratio, end], [*share, share[-1]], where="post", label=label, linewidth=1.3, **_style(index))
     axes.set_xscale("log")
     axes.set_xlim(1.0, end)
     axes.set_ylim(0.0, 1.02)

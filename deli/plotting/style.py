@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from deli.errors import InputError
 from deli.mechanics.scene import Scene
+from deli.recording.paths import check_name
 from deli.recording.provenance import scene_of
 from deli.recording.schema import TRAJECTORY, dataset_of
 
@@ -74,6 +75,7 @@ def check_folder(word: str, path: Path) -> None:
     InputError
         Naming the file by ``word`` and its path.
     """
+    check_name(word, path)
     folder = path.resolve().parent
     if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
         raise InputError(f"{word} {path}: the folder {folder} does not exist or is not writable; name another.")

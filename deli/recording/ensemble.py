@@ -12,13 +12,13 @@ from deli.errors import InputError
 from deli.kernels.advance import BLOCK, Block
 from deli.kernels.record import Record, Records
 from deli.mechanics.scene import Scene
+from deli.memory import available_memory
 from deli.recording import netcdf
 from deli.recording.recorder import STAT_NAMES, named_diagnostics
 from deli.recording.schema import STATS, TRAJECTORY, Schema, Variable, coordinates
 from deli.subproblems.stats import COUNTS, UNUSED
 
 MEMBER = "member"
-_MEMINFO = Path("/proc/meminfo")
 
 
 class Gathering:
@@ -163,23 +163,9 @@ def _variable(variable: Variable, group: str, values: Mapping[str, np.ndarray]) 
 
 
 def _require_memory(members: int, rows: int, needed: int) -> None:
-    available = _available_memory()
+    available = available_memory()
     if needed > available:
         raise InputError(
             f"scenes: {members} members of {rows} rows each need {needed / 1e9:.3g} GB of memory, and "
             f"{available / 1e9:.3g} GB are available; record fewer rows (a larger every), or pass fewer scenes at once."
         )
-
-
-def _available_memory() -> float:
-    """Bytes that can be had without swapping; inf where the system does not say."""
-    try:
-        for line in _MEMINFO.read_text().splitlines():
-            if line.startswith("MemAvailable:"):
-                return 1024.0 * int(line.split()[1])
-    except (OSError, ValueError):
-        pass
-    try:
-        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, OSError, ValueError):
-        return float("inf")

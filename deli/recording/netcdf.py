@@ -75,6 +75,7 @@ class Writer:
             try:
                 if path.exists():
                     netCDF4.Dataset(path, "w").close()  # fails where another process holds the lock
+                fresh.unlink(missing_ok=True)  # it may be a link to elsewhere
                 dataset = netCDF4.Dataset(fresh, "w", format="NETCDF4")
             except OSError as error:
                 raise Busy(f"{path} cannot be written ({error}); is another run writing it?") from error

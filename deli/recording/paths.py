@@ -5,10 +5,33 @@ from pathlib import Path
 
 from deli.errors import InputError
 
+LONGEST_SHOWN = 300
+"""Letters of a name that is too long."""
+
 
 def partial_path(output: str | os.PathLike[str]) -> Path:
     """Where rows of an unfinished run are kept."""
     return Path(f"{os.fspath(output)}.partial")
+
+
+def check_name(word: str, path: Path) -> None:
+    """Refuse a path that no file can have, and one through links that lead in a circle.
+
+    Raises
+    ------
+    InputError
+        Naming the file by ``word`` and its path.
+    """
+    try:
+        os.fspath(path).encode()  # netCDF wants UTF-8
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        return
+    except (OSError, ValueError) as error:  # the latter of letters that no name can have
+        shown = os.fspath(path)[:LONGEST_SHOWN]
+        raise InputError(
+            f"{word} {shown} cannot be used: {getattr(error, 'strerror', error)}; name another."
+        ) from error
 
 
 def check_output(output: Path, *, resume: bool, overwrite: bool) -> None:
@@ -20,15 +43,20 @@ def check_output(output: Path, *, resume: bool, overwrite: bool) -> None:
         If the folder is missing or unwritable, if `output` is a folder, or if `output` or its partial file exists
         and neither `resume` nor `overwrite` allows for it.
     """
-    folder, partial = output.resolve().parent, partial_path(output)
     if resume and overwrite:
         raise InputError("resume and overwrite are both set; continue the run or start it anew, not both.")
+    partial = partial_path(output)
+    for path in (output, partial.with_name(f"{partial.name}.new")):
+        check_name("output", path)
+    folder = output.resolve().parent
     if not folder.is_dir():
         raise InputError(f"output {output}: the folder {folder} does not exist; create it or name another output.")
     if output.is_dir():
         raise InputError(f"output {output} is a folder; name a file, such as {output / 'run.nc'}.")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise InputError(f"output {output}: no permission to write in the folder {folder}; name another output.")
+    if partial.is_symlink():
+        raise InputError(f"{partial} is a link, and rows would go where it leads; remove it, or name another output.")
     if resume or overwrite:
         return
     if output.exists():

@@ -17,7 +17,7 @@ import tomli_w
 from deli import scenes
 from deli.errors import InputError
 from deli.mechanics import symmetry
-from deli.mechanics.constraints import SearchedFamily
+from deli.mechanics.constraints import ConstraintFamily, SearchedFamily
 from deli.mechanics.scene import Scene
 from deli.recording.schema import AXES, CONVENTIONS, UNITS_NOTE
 from deli.subproblems.choices import parse_choices
@@ -202,20 +202,22 @@ def _same(one: Scene, other: Scene) -> bool:
 
 def _fingerprint(scene: Scene) -> list[np.ndarray]:
     q = scene.position
+    stacks = (scene.unilateral, scene.bilateral)
     return [
         scene.mass,
         q,
         scene.momentum,
         np.asarray(scene.potential.energy(q)),
         scene.potential.gradient(q),
-        *(
-            array
-            for stack in (scene.unilateral, scene.bilateral)
-            for family in stack.families
-            for array in (
-                [np.asarray(family.distance), *(family.rows_table() or ())]
-                if isinstance(family, SearchedFamily) and family.searched
-                else [family.value(q), family.jacobian(q)]
-            )
-        ),
+        *(array for stack in stacks for family in stack.families for array in _numbers_of(family, q)),
     ]
+
+
+def _numbers_of(family: ConstraintFamily, q: np.ndarray) -> list[np.ndarray]:
+    """What tells constraints of one kind apart: their rows, or what functions make of q."""
+    rows = family.rows_table()
+    if rows is None:
+        return [family.value(q), family.jacobian(q)]
+    if isinstance(family, SearchedFamily) and family.searched:
+        return [*rows, np.asarray(family.distance)]
+    return list(rows)

@@ -1,5 +1,6 @@
 """What a recorded run contains: every variable with its dimensions, type, units and long name."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -53,6 +54,13 @@ class Schema:
     def sizes(self) -> dict[str, int]:
         """Lengths of the dimensions that do not grow."""
         return {"dof": self.dof, "axis": self.dimension, "subproblem": len(SUBPROBLEMS)}
+
+    @property
+    def row_bytes(self) -> int:
+        """Bytes of a row and of the statistics of the steps that lead to it."""
+        growing = [variable for name in (TRAJECTORY, STATS) for variable in self.groups[name] if variable.grows]
+        places = [math.prod(self.sizes.get(dimension, 1) for dimension in variable.dims) for variable in growing]
+        return sum(n * np.dtype(variable.dtype).itemsize for n, variable in zip(places, growing, strict=True))
 
     def constants(self) -> dict[str, Block]:
         """Values of the coordinates that do not grow, by group."""

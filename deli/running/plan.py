@@ -10,11 +10,15 @@ from typing import Any
 from deli.errors import InputError
 from deli.integrators.integrator import Integrator
 from deli.mechanics.scene import Scene
+from deli.memory import require_disk, require_memory
 from deli.recording import provenance
 from deli.recording.paths import check_output
+from deli.recording.schema import Schema
 from deli.subproblems.collector import MOST
 
 DURATION_TOLERANCE = 1e-9
+MOST_STEPS = 2**53
+"""Numbers of steps up to here are exact as floats; at a microsecond each they take 285 years."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +41,12 @@ class Plan:
     @property
     def rows(self) -> int:
         """Rows of the finished run: the initial state, every `every`-th step, and the last step in any case."""
-        return 1 + math.ceil(self.steps / self.every)
+        return 1 - (-self.steps // self.every)
+
+    @property
+    def size(self) -> int:
+        """Bytes of these rows."""
+        return self.rows * Schema(self.scene.dof, self.scene.dimension, self.memory).row_bytes
 
     def step_of(self, row: int) -> int:
         """Number of integration steps taken at a row."""
@@ -113,7 +122,7 @@ def make_plan(
     target = None if output is None else Path(output)
     if target is not None:
         check_output(target, resume=resume, overwrite=overwrite)
-    return Plan(
+    plan = Plan(
         scene=scene,
         method=method,
         step_size=size,
@@ -127,6 +136,18 @@ def make_plan(
         overwrite=overwrite,
         subproblems=_most(subproblems),
     )
+    _require_room(plan)
+    return plan
+
+
+def _require_room(plan: Plan) -> None:
+    """Refuse rows that fit neither into memory, where a run is read in the end, nor onto the disk."""
+    what = f"steps {plan.steps:,} and every {plan.every:,} make {plan.rows:,} rows, dof = {plan.scene.dof:,}"
+    remedy = "record fewer (a larger record.every), or take fewer steps"
+    in_memory = plan.size if plan.output is not None else 2 * plan.size  # blocks of rows, and then the whole
+    require_memory(what, in_memory, remedy)
+    if plan.output is not None:
+        require_disk(what, plan.size, plan.output.resolve().parent, remedy)
 
 
 def _count_steps(step_size: float, steps: int | None, duration: float | None) -> int:
@@ -134,8 +155,18 @@ def _count_steps(step_size: float, steps: int | None, duration: float | None) ->
         found = "neither" if steps is None else f"both (steps={steps!r}, duration={duration!r})"
         raise InputError(f"found {found} of steps and duration; give exactly one.")
     if duration is None:
-        return _count("steps", steps)
+        count = _count("steps", steps)
+        if not math.isfinite(count * step_size):
+            raise InputError(
+                f"steps {count} of step_size {step_size!r} end at no finite time; take fewer or shorter ones."
+            )
+        return count
     length = _positive("duration", duration)
+    if not length / step_size <= MOST_STEPS:
+        raise InputError(
+            f"duration {length!r} takes {length / step_size:.3g} steps of step_size {step_size!r}; allowed: at most "
+            f"{MOST_STEPS:,}."
+        )
     nearest = round(length / step_size)
     if nearest < 1 or abs(nearest * step_size - length) > DURATION_TOLERANCE * length:
         below = math.floor(length / step_size)
@@ -174,6 +205,6 @@ def _count(name: str, value: Any) -> int:
         number = 0 if isinstance(value, bool) else operator.index(value)
     except TypeError:
         number = 0
-    if number < 1:
-        raise InputError(f"{name} is {value!r}; allowed: a whole number >= 1.")
+    if not 1 <= number <= MOST_STEPS:
+        raise InputError(f"{name} is {value!r}; allowed: a whole number from 1 to {MOST_STEPS:,}.")
     return number

@@ -28,7 +28,7 @@ class ProgressBar:
         self._done, self._unit = done, unit
         if self.active:
             self._progress = Progress(
-                TextColumn("{task.description}"),
+                TextColumn("{task.description}", markup=False),
                 BarColumn(bar_width=20),
                 TaskProgressColumn(),
                 TextColumn("{task.fields[rate]}{task.fields[note]}"),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deli.errors import InputError
-from deli.mechanics.arrays import positive_number, real_number, whole_number
+from deli.mechanics.arrays import body_count, positive_number, real_number
 from deli.mechanics.distances import Rods, SpheresOutside
 from deli.mechanics.potentials import Gravity
 from deli.mechanics.scene import Scene
@@ -54,7 +54,7 @@ def chain_on_cylinder(
     gravity
         Downward acceleration.
     """
-    masses = whole_number("masses of chain_on_cylinder", masses, least=2)
+    masses = body_count("masses of chain_on_cylinder", masses, least=2)
     radius = positive_number("radius of chain_on_cylinder", radius)
     arc = positive_number("arc of chain_on_cylinder", arc)
     shift = real_number("shift of chain_on_cylinder", shift)

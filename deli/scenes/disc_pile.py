@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deli.mechanics.arrays import positive_number, real_number, whole_number
+from deli.mechanics.arrays import body_count, positive_number, real_number
 from deli.mechanics.constraints import Planes
 from deli.mechanics.distances import SpheresApart
 from deli.mechanics.potentials import Gravity
@@ -41,9 +41,10 @@ def disc_pile(
     gravity
         Downward acceleration.
     """
-    rows = whole_number("rows of disc_pile", rows, least=1)
-    columns = whole_number("columns of disc_pile", columns, least=2)
+    rows = body_count("rows of disc_pile", rows, least=1)
+    columns = body_count("columns of disc_pile", columns, least=2)
     radius = positive_number("radius of disc_pile", radius)
+    body_count("rows and columns of disc_pile", rows * columns)
     row, column = (index.reshape(-1) for index in np.indices((rows, columns)))
     narrow = row % 2
     placed = column < columns - narrow

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deli.errors import InputError
-from deli.mechanics.arrays import Array, positive_number, real_number, whole_number
+from deli.mechanics.arrays import Array, body_count, positive_number, real_number, whole_number
 from deli.mechanics.distances import SpheresApart
 from deli.mechanics.scene import Scene
 from deli.scenes.reading import one_of
@@ -53,7 +53,7 @@ def granular_chain(
     mass
         Masses of your own, one number or one for each bead, in place of those above.
     """
-    beads = whole_number("beads of granular_chain", beads, least=2)
+    beads = body_count("beads of granular_chain", beads, least=2)
     radius = positive_number("radius of granular_chain", radius)
     gap = real_number("gap of granular_chain", gap)
     if gap < 0.0:
@@ -77,6 +77,8 @@ def _masses(beads: int, pattern: str, light: float, heavy: float, seed: int) -> 
     pattern = one_of("masses of granular_chain", pattern, ("random", "alternating"))
     light = positive_number("light of granular_chain", light)
     heavy = positive_number("heavy of granular_chain", heavy)
+    if heavy < light:
+        raise InputError(f"heavy of granular_chain: found {heavy!r}; it must be >= light, which is {light!r}")
     if pattern == "random":
         return np.random.default_rng(seed).uniform(light, heavy, beads)
     return np.where(np.arange(beads) % 2 == 0, heavy, light)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deli.mechanics.arrays import positive_number, real_array, real_number, whole_number
+from deli.mechanics.arrays import body_count, positive_number, real_array, real_number, whole_number
 from deli.mechanics.constraints import ConstraintFamily, Planes
 from deli.mechanics.distances import SpheresApart
 from deli.mechanics.scene import Scene
@@ -61,7 +61,7 @@ def hard_rods(
     position, momentum
         An initial state of your own, shape (rods,), positions in ascending order, in place of the random one.
     """
-    rods = whole_number("rods of hard_rods", rods, least=2)
+    rods = body_count("rods of hard_rods", rods, least=2)
     boundary = one_of("boundary of hard_rods", boundary, ("walls", "ring"))
     size = positive_number("size of hard_rods", size)
     length = rods * size / between("filled of hard_rods", filled, 0.0, 1.0)

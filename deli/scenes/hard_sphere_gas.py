@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deli.errors import InputError
-from deli.mechanics.arrays import Array, positive_number, whole_number
+from deli.mechanics.arrays import Array, body_count, positive_number, whole_number
 from deli.mechanics.constraints import ConstraintFamily, Planes
 from deli.mechanics.distances import SpheresApart
 from deli.mechanics.scene import Scene
@@ -60,7 +60,7 @@ def hard_sphere_gas(
     seed
         Of the random positions and velocities.
     """
-    spheres = whole_number("spheres of hard_sphere_gas", spheres, least=2)
+    spheres = body_count("spheres of hard_sphere_gas", spheres, least=2)
     boundary = one_of("boundary of hard_sphere_gas", boundary, ("periodic", "walls"))
     radius = positive_number("radius of hard_sphere_gas", radius)
     mass = positive_number("mass of hard_sphere_gas", mass)

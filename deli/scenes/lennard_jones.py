@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deli.errors import InputError
-from deli.mechanics.arrays import Array, positive_number, real_array, real_number, whole_number
+from deli.mechanics.arrays import Array, body_count, positive_number, real_array, real_number
 from deli.mechanics.distances import Rods, SpheresApart, SpheresInside
 from deli.mechanics.pair_potentials import LennardJones
 from deli.mechanics.scene import Scene
@@ -64,7 +64,7 @@ def lennard_jones(
     position, momentum
         An initial state of your own, shape (spheres, 3), in place of the one above.
     """
-    spheres = whole_number("spheres of lennard_jones", spheres, least=2)
+    spheres = body_count("spheres of lennard_jones", spheres, least=2)
     radius = positive_number("radius of lennard_jones", radius)
     length = positive_number("length of lennard_jones", length)
     if position is None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deli.errors import InputError
-from deli.mechanics.arrays import positive_number, real_number, whole_number
+from deli.mechanics.arrays import body_count, positive_number, real_number, whole_number
 from deli.mechanics.distances import AnchoredRods, SpheresApart
 from deli.mechanics.potentials import Gravity
 from deli.mechanics.scene import Scene
@@ -50,7 +50,7 @@ def newtons_cradle(
     gravity
         Downward acceleration.
     """
-    balls = whole_number("balls of newtons_cradle", balls, least=1)
+    balls = body_count("balls of newtons_cradle", balls, least=1)
     pulled = whole_number("pulled of newtons_cradle", pulled)
     if pulled > balls:
         raise InputError(f"pulled of newtons_cradle: found {pulled}; there are {balls} balls: pass 0 to {balls}")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, ParamSpec
 
 import numpy as np
@@ -45,17 +46,34 @@ def scene(
             bound = signature.bind(**keywords)
             bound.apply_defaults()
             values = {key: _plain(value) for key, value in bound.arguments.items() if value is not None}
-            built = build(**keywords)  # type: ignore[call-arg]
-            if perturbation is not None:
-                values["perturbation"] = read_perturbation("perturbation", perturbation)
-                built = perturb(built, values["perturbation"])
-            return dataclasses.replace(built, name=name, parameters=values)
+            with _finite(name, values):
+                built = build(**keywords)  # type: ignore[call-arg]
+                if perturbation is not None:
+                    values["perturbation"] = read_perturbation("perturbation", perturbation)
+                    built = perturb(built, values["perturbation"])
+                return dataclasses.replace(built, name=name, parameters=values)
 
         _BUILDERS[name] = checked
         _DEFAULTS[name] = {"step_size": step_size, "duration": duration, "scheme": scheme}
         return checked
 
     return register
+
+
+@contextmanager
+def _finite(name: str, values: dict[str, Any]) -> Iterator[None]:
+    """Refuse numbers with which a scene cannot be computed; numpy's infinities are refused where they turn up."""
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except (OverflowError, ZeroDivisionError) as error:
+        wide = [key for key, value in values.items() if _is_extreme(value)] or list(values)
+        found = ", ".join(f"{key} = {values[key]!r}" for key in wide)
+        raise InputError(f"scene {name}: its numbers overflow, or vanish ({found}); choose other units") from error
+
+
+def _is_extreme(value: Any) -> bool:
+    return isinstance(value, int | float) and value != 0 and not 1e-100 < abs(value) < 1e100
 
 
 def available() -> list[str]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deli.errors import InputError
-from deli.mechanics.arrays import real_number, whole_number
+from deli.mechanics.arrays import body_count, real_number
 from deli.mechanics.constraints import Planes
 from deli.mechanics.potentials import Gravity
 from deli.mechanics.scene import Scene
@@ -48,9 +48,10 @@ def wedge(
         Initial state, (x, y).
     """
     directions, repeats = (
-        whole_number("walls of wedge", walls, least=1),
-        whole_number("copies of wedge", copies, least=1),
+        body_count("walls of wedge", walls, least=1),
+        body_count("copies of wedge", copies, least=1),
     )
+    body_count("walls and copies of wedge", directions * repeats)
     opening = real_number("spread of wedge", spread)
     if not 0.0 <= opening < np.pi:
         raise InputError(

@@ -1,5 +1,6 @@
 """Dimensions of a study: what varies along each, and what its positions are called."""
 
+import math
 import numbers
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -7,7 +8,7 @@ from typing import Any
 
 from deli.errors import InputError
 from deli.recording.provenance import flatten
-from deli.studies.model import AXIS_KEYS, StudyTable, ZipTable, check_axis
+from deli.studies.model import AXIS_KEYS, MOST_CASES, StudyTable, ZipTable, check_axis
 
 CASE = "case"
 """The dimension of ``[[cases]]``."""
@@ -71,6 +72,7 @@ def dimensions_of(table: StudyTable) -> tuple[Dimension, ...]:
         dimensions.append(_cases(table.cases))
     if not dimensions:
         raise InputError("the study varies nothing; give [axes], [[zip]] or [[cases]].")
+    _refuse_too_many(dimensions)
     names = [dimension.name for dimension in dimensions]
     _refuse_twice("dimension", names, "name one of them: { name = ..., values = ... }")
     _refuse_twice("config key", [key for dimension in dimensions for key in dimension.keys], "vary it once")
@@ -168,10 +170,24 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, numbers.Real) and not isinstance(value, bool)
 
 
+def _refuse_too_many(dimensions: Sequence[Dimension]) -> None:
+    lengths = [len(dimension.positions) for dimension in dimensions]
+    combinations = math.prod(lengths)
+    if combinations > MOST_CASES:
+        factors = ", ".join(
+            f"{dimension.name} {length:,}" for dimension, length in zip(dimensions, lengths, strict=True)
+        )
+        raise InputError(
+            f"the study has {combinations:,} combinations ({factors}); allowed: {MOST_CASES:,}; vary less at a time."
+        )
+
+
 def _refuse_twice(what: str, found: Sequence[Any], remedy: str) -> None:
-    for index, entry in enumerate(found):
-        if entry in found[:index]:
+    seen = set()
+    for entry in found:
+        if entry in seen:
             raise InputError(f"{what} {entry!r} occurs twice; {remedy}.")
+        seen.add(entry)
 
 
 def _refuse_reserved(name: str) -> None:

@@ -34,7 +34,7 @@ class Board:
         self._live: Live | None = None
         if console.is_terminal and self._todo:
             self._progress = Progress(
-                TextColumn("{task.description}"),
+                TextColumn("{task.description}", markup=False),
                 BarColumn(bar_width=24),
                 TaskProgressColumn(),
                 TextColumn("left:"),

@@ -3,7 +3,6 @@
 import hashlib
 import itertools
 import json
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 from deli import config
 from deli.config.models import unknown
 from deli.config.overrides import assign, expand
+from deli.config.reading import read_toml, refuse_unusable
 from deli.errors import InputError
 from deli.studies.axes import Dimension, Label, dimensions_of, leaves
 from deli.studies.exact import require_exact
@@ -100,13 +100,7 @@ def load(path: Path, quick: bool = False) -> Study:
         If it cannot be read or is not TOML, for what a study file may not say, and for a case whose config
         `deli.config.parse` or `deli.simulate` refuses. Nothing has been computed then.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-        found = tomllib.loads(text)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read: {error}.") from error
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path} is not valid TOML: {error}.") from error
+    text, found = read_toml(path)
     try:
         shorter = found.pop(QUICK, None)
         if quick and not isinstance(shorter, Mapping):
@@ -171,13 +165,12 @@ def _canonical(value: Any) -> Any:
 def _base(found: str | dict[str, Any], folder: Path) -> dict[str, Any]:
     if not isinstance(found, str):
         return expand(found)
-    path = folder / found
     try:
-        return expand(tomllib.loads(path.read_text(encoding="utf-8")))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"base: {path} cannot be read: {error}.") from error
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"base: {path} is not valid TOML: {error}.") from error
+        _, base = read_toml(folder / found)
+        refuse_unusable(base)
+    except InputError as error:
+        raise InputError(f"base: {error}") from error
+    return expand(base)
 
 
 def _combinations(

@@ -7,11 +7,15 @@ from pydantic import BeforeValidator, ByteSize, Field, TypeAdapter, ValidationEr
 from pydantic_core import PydanticCustomError
 
 import solvers
-from deli.config.models import Table, refuse_nan, say
+from deli.config.models import Table, say
+from deli.config.reading import refuse_unusable
 from deli.errors import InputError
 from deli.studies.plot_tables import Plot
 
 AXIS_KEYS = {"values", "count"}
+MOST_CASES = 20_000
+"""Combinations of a study: each is a run with files of its own, and checking so many takes minutes."""
+MOST_WORKERS = 1000
 INSTALLED = "installed"
 BACKEND_KEYS = {"solvers", "solvers.default", "solvers.default.backend"}
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$")]
@@ -21,7 +25,7 @@ class AxisTable(Table):
     """Values of one config key, ``count = n`` for 0, 1, ... n - 1 (seeds), and the dimension's name if not derived."""
 
     values: Annotated[list[Any], Field(min_length=1)] | None = None
-    count: int | None = Field(default=None, ge=1)
+    count: int | None = Field(default=None, ge=1, le=MOST_CASES)
     name: Name | None = None
 
     @model_validator(mode="after")
@@ -80,7 +84,7 @@ class StudyTable(Table):
     exclude: list[dict[str, Any]] = Field(default_factory=list)
     reference: dict[str, Any] | None = None
     limits: LimitsTable = Field(default_factory=LimitsTable)
-    workers: int | None = Field(default=None, ge=1)
+    workers: int | None = Field(default=None, ge=1, le=MOST_WORKERS)
     plots: list[Plot] = Field(default_factory=list)
 
 
@@ -92,7 +96,7 @@ def check_table(found: Mapping[str, Any]) -> StudyTable:
     InputError
         Naming the key's path, what was found and what is allowed.
     """
-    refuse_nan(found)
+    refuse_unusable(found)
     try:
         return StudyTable.model_validate(found)
     except ValidationError as error:

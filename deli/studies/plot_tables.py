@@ -1,6 +1,6 @@
 """What a study file may say under ``[[plots]]``, as pydantic models."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -8,8 +8,12 @@ from deli.config.models import Table
 
 
 class _Plot(Table):
-    """What every plot has: a title, labels by axis to which it is restricted, and an axis with a panel a label."""
+    """What every plot has: a title, labels by axis to which it is restricted, and an axis with a panel a label.
 
+    `METRICS` are the keys that name metrics; the others name axes.
+    """
+
+    METRICS: ClassVar[tuple[str, ...]] = ()
     title: str
     where: dict[str, Any] = Field(default_factory=dict)
     panels: str | None = None
@@ -18,6 +22,7 @@ class _Plot(Table):
 class Pareto(_Plot):
     """Cases as points in two metrics, with the front of the best."""
 
+    METRICS = ("x", "y")
     kind: Literal["pareto"] = "pareto"
     x: str
     y: str
@@ -27,6 +32,7 @@ class Pareto(_Plot):
 class WorkPrecision(_Plot):
     """Error against cost along an axis."""
 
+    METRICS = ("cost", "error")
     kind: Literal["work_precision"] = "work_precision"
     cost: str
     error: str
@@ -37,6 +43,7 @@ class WorkPrecision(_Plot):
 class HeatMap(_Plot):
     """A metric over two axes, failures crossed out."""
 
+    METRICS = ("value",)
     kind: Literal["heat_map"] = "heat_map"
     x: str
     y: str
@@ -46,6 +53,7 @@ class HeatMap(_Plot):
 class Profile(_Plot):
     """Share of cases done within a factor of the least cost, one line a label of an axis (Dolan and Moré 2002)."""
 
+    METRICS = ("cost",)
     kind: Literal["profile"] = "profile"
     cost: str
     by: str

@@ -9,8 +9,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from deli.config.models import unknown
 from deli.errors import InputError
 from deli.plotting import comparison
+from deli.plotting.lines import plain
 from deli.plotting.profiles import draw_shares
 from deli.plotting.style import STYLE, new_figure
 from deli.replaying.profiles import performance_profile
@@ -56,16 +58,21 @@ def check_plots(plots: list[Plot], study: xr.Dataset) -> None:
     InputError
         Naming the plot, the name and what there is.
     """
+    axes = [str(name) for name in study["state"].dims]
+    metrics = [str(name) for name, values in study.data_vars.items() if np.issubdtype(values.dtype, np.number)]
     for number, plot in enumerate(plots):
         names = plot.model_dump(exclude={"kind", "title", "where"}, exclude_none=True)
         for key, name in (names | {f"where.{axis}": axis for axis in plot.where}).items():
-            if name not in study.variables:
-                known = ", ".join(str(known) for known in (*study.coords, *study.data_vars))
-                raise InputError(f"plots.{number}.{key} is {name!r}; allowed: {known}.")
+            allowed = metrics if key in plot.METRICS else axes
+            if name not in allowed:
+                raise InputError(unknown(f"plots.{number}.{key}", name, allowed))
         for axis, label in plot.where.items():
-            if label not in study[axis].values:
-                known = ", ".join(str(known) for known in study[axis].values)
-                raise InputError(f"plots.{number}.where.{axis} is {label!r}; allowed: {known}.")
+            labels = study[axis].values.tolist()
+            if label not in labels:
+                raise InputError(unknown(f"plots.{number}.where.{axis}", label, map(str, labels)))
+        drawn = [name for key, name in names.items() if key not in plot.METRICS]
+        if len(set(drawn)) < len(drawn):
+            raise InputError(f"plots.{number} uses an axis twice ({', '.join(drawn)}); name each once.")
 
 
 def panels_of(plot: Plot, study: xr.Dataset) -> dict[str, xr.Dataset]:
@@ -89,7 +96,7 @@ def draw(plot: Plot, study: xr.Dataset) -> Figure:
         grid = figure.subplots(rows, columns, squeeze=False).ravel()
         for axes, (label, part) in zip(grid, parts.items(), strict=False):
             _DRAW[plot.kind](plot, axes, part)
-            axes.set_title(label)
+            axes.set_title(plain(label))
         for axes in grid[: len(labels) - 1]:
             legend = axes.get_legend()
             if legend is not None and columns > 1:  # the last panel's stands for all

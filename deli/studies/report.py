@@ -3,22 +3,23 @@
 import base64
 import html
 import re
-import tomllib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from markdown_it import MarkdownIt
-from pydantic import TypeAdapter
 
+from deli.config.reading import parse_toml
 from deli.studies.findings import COMPLETE, SCENE, findings
+from deli.studies.model import check_table
 from deli.studies.plot_tables import Plot
 from deli.studies.plots import check_plots, draw, first_look
 from deli.studies.states import DONE, EXCLUDED
 
+_MARKUP = re.compile(r"[\\`*\[\]<>&|]|(?<!\w)_|_(?!\w)")
 PICTURES, RAN = "report", ("machine", "workers", "deli_version")
 DPI = 110
 MOST_ROWS = 1000
@@ -48,8 +49,8 @@ def plots_of(study: xr.Dataset) -> list[Plot]:
     InputError
         If they show what the study does not have.
     """
-    asked = TypeAdapter(list[Plot]).validate_python(tomllib.loads(study.attrs["study"]).get("plots", []))
-    plots = asked or first_look(study)
+    found = parse_toml(study.attrs["study"]).get("plots", [])
+    plots = check_table({"base": {}, "plots": found}).plots or first_look(study)
     check_plots(plots, study)
     return plots
 
@@ -75,26 +76,34 @@ def write_report(study: xr.Dataset) -> tuple[Path, Path]:
     plots = plots_of(study)
     pictures = folder / PICTURES
     pictures.mkdir(exist_ok=True)
-    blocks = [f"# {title}", "## What it found", _list(findings(study))]
+    blocks = [f"# {_escaped(title)}", "## What it found", _list(map(_escaped, findings(study)))]
+    drawn = {}
     for number, plot in enumerate(plots):
-        name = f"{number}-{plot.kind}.png"
-        draw(plot, study).savefig(pictures / name, dpi=DPI)
-        blocks += [f"## {plot.title}", f"![{plot.title}]({PICTURES}/{name})"]
+        name = f"{PICTURES}/{number}-{plot.kind}.png"
+        draw(plot, study).savefig(folder / name, dpi=DPI)
+        drawn[name] = _inlined(folder / name)
+        blocks += [f"## {_escaped(plot.title)}", f"![{_escaped(plot.title)}]({name})"]
     blocks += ["## Cases", _cases(study), "## Failures", _failures(study)]
     blocks += ["## What the numbers mean", _definitions(study)]
-    blocks += ["## What ran where", _list(f"{name.replace('_', ' ')}: {study.attrs[name]}" for name in RAN)]
-    blocks += ["## The study", f"```toml\n{study.attrs['study'].strip()}\n```"]
+    blocks += ["## What ran where", _list(_escaped(f"{name.replace('_', ' ')}: {study.attrs[name]}") for name in RAN)]
+    fence = "`" * (1 + max(map(len, re.findall("`{2,}", study.attrs["study"])), default=2))
+    blocks += ["## The study", f"{fence}toml\n{study.attrs['study'].strip()}\n{fence}"]
     text = "\n\n".join(block for block in blocks if block) + "\n"
     source, page = folder / "report.md", folder / "report.html"
     source.write_text(text, encoding="utf-8")
-    page.write_text(_page(title, text, folder), encoding="utf-8")
+    page.write_text(_page(title, text, drawn), encoding="utf-8")
     return page, source
 
 
-def _page(title: str, text: str, folder: Path) -> str:
+def _escaped(text: str) -> str:
+    """Words of a study's file as Markdown that shows them, and draws no picture and closes no table."""
+    return _MARKUP.sub(r"\\\g<0>", " ".join(text.split()))
+
+
+def _page(title: str, text: str, drawn: Mapping[str, str]) -> str:
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     body = re.sub(r"<th>.*?</th>", lambda found: found[0].replace("_", "_<wbr>"), body)
-    body = re.sub(r'src="([^"]+)"', lambda found: f'src="{_inlined(folder / found[1])}"', body)
+    body = re.sub(r'src="([^"]+)"', lambda found: f'src="{drawn[found[1]]}"', body)
     return (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{html.escape(title)}</title>\n'
         f"<style>{STYLE}</style>\n</head>\n<body>\n{body}</body>\n</html>\n"
@@ -140,7 +149,7 @@ def _failures(study: xr.Dataset) -> str:
     """How many cases ended in which other way, by their reasons."""
     ends = study["outcome"].values.ravel()[study["state"].values.ravel() != EXCLUDED].tolist()
     told = Counter(outcome for outcome in ends if outcome != COMPLETE)
-    return _table(["cases", "outcome"], [[str(told[end]), end] for end in sorted(told)]) if told else "None."
+    return _table(["cases", "outcome"], [[str(told[end]), _escaped(end)] for end in sorted(told)]) if told else "None."
 
 
 def _definitions(study: xr.Dataset) -> str:
@@ -152,10 +161,10 @@ def _definitions(study: xr.Dataset) -> str:
 
 def _table(header: list[str], rows: list[list[str]]) -> str:
     lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def _word(value: Any) -> str:
     if not isinstance(value, float):
-        return str(value)
+        return _escaped(str(value))
     return f"{value:.3g}" if np.isfinite(value) else "–"

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from filelock import FileLock, Timeout
 
 from deli.errors import InputError
+from deli.recording.paths import check_name
 from deli.running.interrupts import StopRequests
 from deli.studies.expansion import Study
 from deli.studies.layout import CASES, run_path
@@ -86,6 +87,7 @@ def plan_study(study: Study, folder: Path, *, retry_failed: bool = False) -> lis
     InputError
         If the folder is something else than a study's, or cannot be read.
     """
+    check_name("folder", folder)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; name a folder.")
     earlier = read_manifest(folder)

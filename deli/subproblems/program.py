@@ -108,7 +108,8 @@ class ProgramSolver:
             compiled, kept = self.pose(size, equalities, rows, newton)
             solution = compiled.solve()
         except solvers.ParameterError as error:
-            raise StepError(f"{SUBPROBLEMS[self._subproblem]}: {error}; use a smaller step_size.") from error
+            name = SUBPROBLEMS[self._subproblem]
+            raise StepError(f"{name}: its program holds nan or infinity; use a smaller step_size.") from error
         except solvers.SolverError as error:
             self._stats.add_failure(self._subproblem, rows)
             raise StepError(f"{SUBPROBLEMS[self._subproblem]}: {error}; try another backend.") from error
@@ -240,7 +241,7 @@ class ProgramSolver:
             with_options = f" with options {dict(self._choice.options)!r}" if self._choice.options else ""
             raise InputError(
                 f"solvers.{SUBPROBLEMS[self._subproblem]}: backend {self._choice.backend!r}{with_options}: "
-                f"{str(error).splitlines()[0]}"
+                f"{(str(error) or type(error).__name__).splitlines()[0]}"
             ) from error
 
     def _exported(self, rows: int, size: int) -> Record:

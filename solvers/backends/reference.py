@@ -29,6 +29,26 @@ KNOWN = tuple(cp.settings.SOLVERS)
 CHOSEN: dict[str, dict[str, Any]] = {"OSQP": {"polishing": False}}
 
 
+def require(backend: str) -> str:
+    """Return cvxpy's name of the solver that a name with the prefix stands for.
+
+    Raises
+    ------
+    UnknownBackendError
+        If cvxpy does not know it.
+    NotInstalledError
+        If cvxpy does not find it installed.
+    """
+    solver = backend.partition(":")[2].upper()
+    if solver not in KNOWN:
+        raise UnknownBackendError(f"unknown backend {backend!r}; allowed: cvxpy: and one of {', '.join(KNOWN)}")
+    if solver not in cp.installed_solvers():
+        raise NotInstalledError(
+            f"cvxpy has no solver {solver} installed; installed: {', '.join(cp.installed_solvers())}"
+        )
+    return solver
+
+
 class Reference(Backend):
     """Adapter of ``cvxpy.Problem.solve``.
 
@@ -40,13 +60,7 @@ class Reference(Backend):
 
     def __init__(self, canonical: Canonical, backend: str, tolerance: float, options: Mapping[str, Any]) -> None:
         self.canonical = canonical
-        self.solver = backend.partition(":")[2].upper()
-        if self.solver not in KNOWN:
-            raise UnknownBackendError(f"unknown backend {backend!r}; allowed: cvxpy: and one of {', '.join(KNOWN)}")
-        if self.solver not in cp.installed_solvers():
-            raise NotInstalledError(
-                f"cvxpy has no solver {self.solver} installed; installed: {', '.join(cp.installed_solvers())}"
-            )
+        self.solver = require(backend)
         table = self.solver.lower()
         known = tolerances.settings(table, tolerance) if table in tolerances.TOLERANCES else {}
         self._settings = {**known, **CHOSEN.get(self.solver, {}), **options}
