@@ -131,7 +131,7 @@ class Runner:
             answer = self.mutants.folder / f"{module.stem}-{digest[:16]}.json"
             if not answer.exists():
                 items = [session.items[place] for place in places.values()]
-                code, seconds = fork(lambda items=items, answer=answer: self._measure(items, answer), 3600.0)
+                code, seconds = fork(lambda items=items, answer=answer: self._measure(items, answer), 3600)
                 if code != 0:
                     raise RuntimeError(f"{module} ended with {code} without a mutant")
                 print(f"{module}: {len(places)} tests, {seconds:.0f} s", file=sys.stderr, flush=True)
@@ -170,8 +170,10 @@ class Runner:
                     return 1
             return 0
 
-        code, seconds = fork(test, 20.0 + 10.0 * cost)
-        outcome = {0: "survived", 1: "killed", None: "timeout"}.get(code, "crashed")
+        code, seconds = fork(test, round(10.0 + 3.0 * cost))
+        outcome = {0: "survived", 1: "killed", -signal.SIGXCPU: "endless", -signal.SIGALRM: "endless"}.get(
+            code, "crashed"
+        )
         return record | {"outcome": outcome, "seconds": round(seconds, 1)}
 
 
@@ -189,12 +191,13 @@ def load() -> None:
     deli.simulate(deli.scenes.point_mass(), deli.GVI(), step_size=0.1, steps=1)
 
 
-def fork(action: Callable[[], int], seconds: float) -> tuple[int | None, float]:
-    """Run an action in a process of its own: its exit code, None if it took too long, and how long it took."""
+def fork(action: Callable[[], int], most: int) -> tuple[int, float]:
+    """Run an action in a process of its own, for so many CPU seconds at most: its exit code, and how long it took."""
     start = time.monotonic()
     child = os.fork()
     if child == 0:
-        os.setsid()
+        resource.setrlimit(resource.RLIMIT_CPU, (most, most + 1))
+        signal.alarm(60 * most)  # for what waits
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -205,25 +208,21 @@ def fork(action: Callable[[], int], seconds: float) -> tuple[int | None, float]:
             code = action()
         finally:
             os._exit(code)
-    while time.monotonic() < start + seconds:
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
-            return os.waitstatus_to_exitcode(status), time.monotonic() - start
-        time.sleep(0.02)
-    os.killpg(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    return None, time.monotonic() - start
+    status = os.waitpid(child, 0)[1]
+    return os.waitstatus_to_exitcode(status), time.monotonic() - start
 
 
 def main() -> None:
     """Run mutants against tests."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("tests", nargs="*", help="what pytest is to collect")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="JSON lines, one a mutant; added to")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help="JSON lines, one a mutant; what is there is not done again"
+    )
     parser.add_argument("--files", default="", help="only mutants of files whose path contains this")
     parser.add_argument("--count", type=int, help="of mutants, drawn at random with seed 0")
     parser.add_argument("--again", type=Path, help="only mutants that survived there, or were not reached")
-    parser.add_argument("--budget", type=float, default=6.0, help="CPU seconds of tests for a mutant")
+    parser.add_argument("--budget", type=float, default=1.5, help="CPU seconds of tests for a mutant")
     options = parser.parse_args()
     mutants = Mutants()
     mutants.install()
@@ -232,7 +231,9 @@ def main() -> None:
         records = map(json.loads, options.again.read_text().splitlines())
         numbers = [each["number"] for each in records if each["outcome"] in ("survived", "not reached")]
     random.Random(0).shuffle(numbers)
-    numbers = numbers[: options.count]
+    done = map(json.loads, options.output.read_text().splitlines() if options.output.exists() else ())
+    judged = {each["number"] for each in done}
+    numbers = [number for number in numbers[: options.count] if number not in judged]
     print(f"{len(numbers)} of {len(mutants.mutants)} mutants", file=sys.stderr)
     runner = Runner(mutants, numbers, options.budget, options.output)
     sys.exit(pytest.main(["-q", "-n", "0", "-p", "no:faulthandler", *options.tests], [runner]))
