@@ -43,11 +43,15 @@ def test_definition(sizes, parametric, storage):
         violated = np.where(inequality, np.maximum(-slack, 0), slack)
         primal = largest(violated) / (1 + largest(A @ x, u))
         pull = largest(np.minimum(y[inequality], 0)) / (1 + largest(y))
-        dual = max(largest(P @ x + q + A.T @ y) / (1 + largest(P @ x, q, A.T @ y)), pull)
+        stationarity = largest(P @ x + q + A.T @ y) / (1 + largest(P @ x, q, A.T @ y))
+        dual = max(stationarity, pull)
         products = largest((y * slack)[inequality]) / (1 + max(abs(x @ P @ x), abs(q @ x)))
+        apart = np.where(inequality, np.minimum(y, slack), slack)
+        natural = max(stationarity, largest(apart) / (1 + largest(A @ x, u)))
         assert residuals.primal == pytest.approx(primal, rel=1e-12)
         assert residuals.dual == pytest.approx(dual, rel=1e-12)
         assert residuals.complementarity == pytest.approx(products, rel=1e-12)
+        assert residuals.natural == pytest.approx(natural, rel=1e-12)
         assert worst == max(residuals.primal, residuals.dual, residuals.complementarity)
 
 
