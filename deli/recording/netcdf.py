@@ -1,9 +1,10 @@
 """Runs on disk: rows appended to ``<output>.partial``, the finished file appearing under its own name by rename."""
 
+import fcntl
 import os
-import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from weakref import WeakValueDictionary
@@ -12,17 +13,14 @@ import netCDF4
 import numpy as np
 
 from deli.errors import DeliError, InputError
+from deli.recording.checksums import Checksums
+from deli.recording.contents import COMMITTED, COMMITTED_PROBLEMS, ENCODING, LIBRARY, WALL_TIME, attributes_of
 from deli.recording.schema import POSED, STATS, TRAJECTORY, Block, Schema, Variable, coordinates
-from deli.recording.subproblems import COUNTED, places
+from deli.recording.seal import seal
+from deli.recording.subproblems import COUNTED, taken
+from deli.recording.unfinished import Unfinished, identity_of
 
 CHUNK_ROWS, CHUNK_PLACES = 256, 4096
-COMMITTED, WALL_TIME, COMMITTED_PROBLEMS = "committed_rows", "committed_wall_time", "committed_subproblems"
-ENCODING = "_Encoding"
-"""The attribute that tells readers to join letters to words."""
-
-
-LIBRARY = threading.RLock()
-"""Held around every use of the netCDF library, which is not safe to use from several threads."""
 
 _writers: WeakValueDictionary[Path, "Writer"] = WeakValueDictionary()
 
@@ -45,7 +43,8 @@ class Writer:
 
     A commit writes the rows, syncs, writes their number, and syncs again: whatever kills the process, the rows that
     the number counts are whole. Subproblems are counted before the rows: those of steps beyond the last committed row
-    that a kill in between leaves are dropped when the file is continued.
+    that a kill in between leaves are dropped when the file is continued. Files that are closed are sealed, see
+    `deli.recording.seal`.
 
     Attributes
     ----------
@@ -55,44 +54,49 @@ class Writer:
         Where the committed subproblems end along each ragged dimension; empty where none are recorded.
     """
 
-    def __init__(self, path: Path, dataset: netCDF4.Dataset, rows: int, wall_time: float, ends: dict[str, int]) -> None:
+    def __init__(self, path: Path, schema: Schema, attributes: Mapping[str, Any], wall_time: float = 0.0) -> None:
         self.path = path
-        self.rows = rows
-        self.ends = ends
-        self._dataset = dataset
+        self.rows = 0
+        self.ends = dict.fromkeys(("problem", *COUNTED), 0) if schema.subproblems else {}
+        try:
+            self._dataset = netCDF4.Dataset(_beside(path), "w", format="NETCDF4")
+        except OSError as error:
+            raise Busy(f"{path} cannot be written ({error}); is another run writing it?") from error
+        self._checksums = Checksums(schema)
         self._earlier = wall_time
         self._started = time.perf_counter()
         self._key = path.resolve()
-        _writers[self._key] = self
+        _lay_out(self._dataset, schema, attributes)
+        self._checksums.lay_out(self._dataset)
 
     @classmethod
     def create(cls, path: Path, schema: Schema, attributes: Mapping[str, Any]) -> "Writer":
         """Start a file without rows; it appears under its name when it is whole."""
-        _refuse_second(path)
-        fresh = path.with_name(f"{path.name}.new")
-        with LIBRARY:
-            try:
-                if path.exists():
-                    netCDF4.Dataset(path, "w").close()  # fails where another process holds the lock
-                dataset = netCDF4.Dataset(fresh, "w", format="NETCDF4")
-            except OSError as error:
-                raise Busy(f"{path} cannot be written ({error}); is another run writing it?") from error
-            _lay_out(dataset, schema, attributes)
-            dataset.close()
-            os.replace(fresh, path)
-            return cls.reopen(path)
+        with LIBRARY, _held(path):
+            writer = cls(path, schema, attributes)
+            writer._appear()
+            return writer
 
     @classmethod
-    def reopen(cls, path: Path, steps: int = 0) -> "Writer":
-        """Continue a file after its last committed row, to which the run has taken `steps` steps."""
-        _refuse_second(path)
-        with LIBRARY:
-            try:
-                dataset = netCDF4.Dataset(path, "a")
-            except OSError as error:
-                raise Busy(f"{path} cannot be continued ({error}); is another run writing it?") from error
-            ends = _ends(dataset, steps) if POSED in dataset.groups else {}
-            return cls(path, dataset, int(dataset[COMMITTED][...]), float(dataset[WALL_TIME][...]), ends)
+    def resume(
+        cls, path: Path, schema: Schema, attributes: Mapping[str, Any], found: Unfinished, steps: int
+    ) -> "Writer":
+        """Go on after the rows of an unfinished file, to the last of which the run has taken `steps` steps.
+
+        They are written to another file, which takes the place of the first when it is whole: what is damaged in a file
+        where nobody has looked must not get into the hands of who writes. Subproblems of later steps are left out.
+        """
+        problems = found.groups.get(POSED)
+        with LIBRARY, _held(path, found.identity):
+            writer = cls(path, schema, attributes, found.wall_time)
+            writer.write(
+                0,
+                {name: found.groups[TRAJECTORY][name][1] for name in schema.growing(TRAJECTORY)},
+                {name: found.groups[STATS][name][1] for name in schema.growing(STATS)},
+                None if problems is None else taken({name: one[1] for name, one in problems.items()}, steps),
+            )
+            writer._appear()
+            return writer
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -114,13 +118,13 @@ class Writer:
                 self._dataset[WALL_TIME][...] = self.wall_time
                 if problems is not None:
                     self._append_problems(problems)
+                rows = first_row + len(trajectory["time"])
+                self._checksums.write(self._dataset, rows, self.ends.get("problem", 0))
                 self._dataset.sync()
                 if problems is not None:
-                    self._dataset[COMMITTED_PROBLEMS][...] = self.ends["problem"]
-                    self._dataset.sync()
-                self.rows = first_row + len(trajectory["time"])
-                self._dataset[COMMITTED][...] = self.rows
-                self._dataset.sync()
+                    self._count(COMMITTED_PROBLEMS, self.ends["problem"])
+                self._count(COMMITTED, rows)
+                self.rows = rows
         except (OSError, RuntimeError) as error:
             raise RecordingError(
                 f"rows from {first_row} on could not be written to {self.path} ({error}); rows before are safe. "
@@ -128,22 +132,34 @@ class Writer:
             ) from error
 
     def close(self, attributes: Mapping[str, Any], rename: Path | None) -> Path:
-        """Write closing attributes, close, and give the file its final name if there is one; returns its path."""
+        """Write closing attributes, close, seal, and give the file its final name if there is one; returns its path."""
         with LIBRARY:
             try:
                 self._dataset.setncatts(dict(attributes))
             finally:
                 self._dataset.close()
                 _writers.pop(self._key, None)
+        seal(self.path)
         if rename is None:
             return self.path
-        with self.path.open("rb+") as file:
-            os.fsync(file.fileno())
         os.replace(self.path, rename)
         return rename
 
+    def _appear(self) -> None:
+        """Give the file its name, under which others find it from now on."""
+        self._dataset.close()
+        os.replace(_beside(self.path), self.path)
+        self._dataset = netCDF4.Dataset(self.path, "a")
+        _writers[self._key] = self
+
+    def _count(self, what: str, number: int) -> None:
+        """Commit what has been written."""
+        self._dataset[what][...] = number
+        self._dataset.sync()
+
     def _append_problems(self, block: Block) -> None:
         group = self._dataset[POSED]
+        self._checksums.add(POSED, block)
         for name, values in block.items():
             variable = group[name]
             if not variable.dimensions:
@@ -155,27 +171,40 @@ class Writer:
         self.ends = {name: end + added[name] for name, end in self.ends.items()}
 
     def _append(self, group: str, first: int, block: Block) -> None:
+        self._checksums.add(group, block)
         for name, values in block.items():
             if len(values):
                 self._dataset[group][name][first : first + len(values)] = values
 
 
-def _ends(dataset: netCDF4.Dataset, steps: int) -> dict[str, int]:
-    dataset.set_auto_mask(False)
-    group, committed = dataset[POSED], int(dataset[COMMITTED_PROBLEMS][...])
-    taken = int(np.searchsorted(group["step"][:committed], steps))
-    return places({name: group[name] for name in COUNTED.values()}, taken)
+@contextmanager
+def _held(path: Path, identity: tuple[int, int, int] | None = None) -> Iterator[None]:
+    """Keep others from a file that is to be replaced, if there is one.
 
-
-def attributes_of(owner: netCDF4.Dataset | netCDF4.Variable) -> dict[str, Any]:
-    """Attributes in Python's own types."""
-    values = ((name, owner.getncattr(name)) for name in owner.ncattrs())
-    return {name: value.item() if isinstance(value, np.generic) else value for name, value in values}
-
-
-def _refuse_second(path: Path) -> None:
+    Raises
+    ------
+    Busy
+        If somebody writes it, or has done so since it was the one of that `identity`.
+    """
     if being_written(path):
         raise InputError(f"{path} is being written; is another run writing it in this process?")
+    if not path.exists():
+        yield
+        return
+    try:
+        file = path.open("rb+")
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # as HDF5 does
+    except OSError as error:
+        raise Busy(f"{path} cannot be written ({error}); is another run writing it?") from error
+    with file:
+        if identity not in (None, identity_of(path)):
+            raise Busy(f"{path} has just been written by another run.")
+        yield
+
+
+def _beside(path: Path) -> Path:
+    """Where a file is made that is to take the place of another."""
+    return path.with_name(f"{path.name}.new")
 
 
 def _lay_out(dataset: netCDF4.Dataset, schema: Schema, attributes: Mapping[str, Any]) -> None:

@@ -1,6 +1,6 @@
 """What a recorded run contains: every variable with its dimensions, type, units and long name."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -53,6 +53,10 @@ class Schema:
     def sizes(self) -> dict[str, int]:
         """Lengths of the dimensions that do not grow."""
         return {"dof": self.dof, "axis": self.dimension, "subproblem": len(SUBPROBLEMS)}
+
+    def growing(self, group: str) -> tuple[str, ...]:
+        """Names of the variables of a group that rows, or subproblems, are appended to."""
+        return tuple(variable.name for variable in self.groups[group] if variable.grows)
 
     def constants(self) -> dict[str, Block]:
         """Values of the coordinates that do not grow, by group."""
@@ -168,6 +172,12 @@ _STATS = (
         },
     ),
 )
+
+
+def remembered(names: Iterable[str]) -> tuple[str, ...]:
+    """Which of these names are of what a method carries from step to step."""
+    found = set(names)
+    return tuple(name for name in _MEMORY if name in found)
 
 
 def coordinates(group: str) -> tuple[str, ...]:
