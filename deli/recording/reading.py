@@ -16,6 +16,7 @@ from deli.recording.netcdf import being_written
 from deli.recording.schema import POSED, TRAJECTORY, Groups
 from deli.recording.seal import intact
 from deli.recording.subproblems import ORIGIN, unpack
+from deli.recording.superblock import stated_length
 from deli.recording.unfinished import Unfinished, identity_of
 from deli.subproblems.posed import PosedSubproblem
 
@@ -155,10 +156,7 @@ def _contents(path: Path, values: bool = True) -> Contents:
     if not path.is_file():
         raise InputError(f"{path} cannot be read as netCDF: it is no file.")
     live = being_written(path)
-    sealed = None if live else _seal(path)
-    if sealed is False:
-        structure.refuse(path, "its content is not what was sealed when it was closed (the digest differs)")
-    if not live and sealed is None:
+    if not live and not _sealed(path):
         return load_apart(path, values)
     with LIBRARY, open_file(path, live) as dataset:
         contents = gather(load(dataset, path, values))
@@ -166,8 +164,15 @@ def _contents(path: Path, values: bool = True) -> Contents:
         return contents
 
 
-def _seal(path: Path) -> bool | None:
+def _sealed(path: Path) -> bool:
+    """Whether a file is sealed; one whose seal is broken, or that was cut off, is refused."""
     try:
-        return intact(path)
+        found, length, stated = intact(path), path.stat().st_size, stated_length(path)
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error}).") from error
+    if found is False:
+        structure.refuse(path, "its content is not what it was when it was closed: the digest differs")
+    if stated is not None and length < stated:
+        hint = "; if a run is writing it, try again in a moment" if path.suffix == ".partial" else ""
+        structure.refuse(path, f"it was cut off, {length:,} of {stated:,} bytes are there{hint}")
+    return bool(found)

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from markdown_it import MarkdownIt
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
+from deli.errors import InputError
 from deli.studies.findings import COMPLETE, SCENE, findings
 from deli.studies.plot_tables import Plot
 from deli.studies.plots import check_plots, draw, first_look
@@ -48,7 +49,10 @@ def plots_of(study: xr.Dataset) -> list[Plot]:
     InputError
         If they show what the study does not have.
     """
-    asked = TypeAdapter(list[Plot]).validate_python(tomllib.loads(study.attrs["study"]).get("plots", []))
+    try:
+        asked = TypeAdapter(list[Plot]).validate_python(tomllib.loads(study.attrs["study"]).get("plots", []))
+    except ValidationError as error:
+        raise InputError(f"the study's plots cannot be drawn: {error.errors()[0]['msg']}.") from error
     plots = asked or first_look(study)
     check_plots(plots, study)
     return plots
