@@ -1,29 +1,26 @@
 """Runs on disk: rows appended to ``<output>.partial``, the finished file appearing under its own name by rename."""
 
-import math
+import fcntl
 import os
-import threading
+import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 from weakref import WeakValueDictionary
 
 import netCDF4
-import numpy as np
 
 from deli.errors import DeliError, InputError
-from deli.recording.schema import POSED, STATS, TRAJECTORY, Block, Schema, Variable, coordinates
-from deli.recording.subproblems import COUNTED, places
-
-CHUNK_ROWS, CHUNK_PLACES, CHUNK_BYTES = 256, 4096, 1_000_000
-COMMITTED, WALL_TIME, COMMITTED_PROBLEMS = "committed_rows", "committed_wall_time", "committed_subproblems"
-ENCODING = "_Encoding"
-"""The attribute that tells readers to join letters to words."""
-
-
-LIBRARY = threading.RLock()
-"""Held around every use of the netCDF library, which is not safe to use from several threads."""
+from deli.recording import rewriting
+from deli.recording.checksums import Checksums
+from deli.recording.contents import COMMITTED, COMMITTED_PROBLEMS, LIBRARY, WALL_TIME, attributes_of
+from deli.recording.file_layout import first_chunks, lay_out
+from deli.recording.schema import POSED, STATS, TRAJECTORY, Block, Schema
+from deli.recording.seal import seal
+from deli.recording.subproblems import COUNTED, taken
+from deli.recording.unfinished import Unfinished, identity_of
 
 _writers: WeakValueDictionary[Path, "Writer"] = WeakValueDictionary()
 
@@ -46,7 +43,9 @@ class Writer:
 
     A commit writes the rows, syncs, writes their number, and syncs again: whatever kills the process, the rows that
     the number counts are whole. Subproblems are counted before the rows: those of steps beyond the last committed row
-    that a kill in between leaves are dropped when the file is continued.
+    that a kill in between leaves are dropped when the file is continued. What changes more of the file than numbers in
+    their places is done to a file of another name, which then takes the place of the first: laying it out, making room
+    in its trees of chunks, continuing it, closing it. Files that are closed are sealed, see `deli.recording.seal`.
 
     Attributes
     ----------
@@ -56,46 +55,54 @@ class Writer:
         Where the committed subproblems end along each ragged dimension; empty where none are recorded.
     """
 
-    def __init__(self, path: Path, dataset: netCDF4.Dataset, rows: int, wall_time: float, ends: dict[str, int]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        schema: Schema,
+        attributes: Mapping[str, Any],
+        found: Unfinished | None = None,
+        steps: int = 0,
+    ) -> None:
+        """Start a file; it appears under its name with its first rows.
+
+        Those of an unfinished file, to the last of which the run has taken `steps` steps, are written at once. That
+        file is read, and never written to: what is damaged in a file where nobody has looked must not get into the
+        hands of who writes. Subproblems of later steps are left out.
+
+        Raises
+        ------
+        Busy
+            If another process writes the file, or has done so since it was `found`.
+        RecordingError
+            If it cannot be written.
+        """
         self.path = path
-        self.rows = rows
-        self.ends = ends
-        self._dataset = dataset
-        self._earlier = wall_time
+        self.rows = 0
+        self.ends = dict.fromkeys(("problem", *COUNTED), 0) if schema.subproblems else {}
+        self._chunks = first_chunks(schema)
+        self._checksums = Checksums(schema)
+        self._earlier = found.wall_time if found else 0.0
         self._started = time.perf_counter()
         self._key = path.resolve()
-        _writers[self._key] = self
-
-    @classmethod
-    def create(cls, path: Path, schema: Schema, attributes: Mapping[str, Any]) -> "Writer":
-        """Start a file without rows; it appears under its name when it is whole."""
-        _refuse_second(path)
-        fresh = path.with_name(f"{path.name}.new")
-        with LIBRARY:
-            try:
-                if path.exists():
-                    netCDF4.Dataset(path, "w").close()  # fails where another process holds the lock
-                fresh.unlink(missing_ok=True)  # it may be a link to elsewhere
-                dataset = netCDF4.Dataset(fresh, "w", format="NETCDF4")
-            except OSError as error:
-                raise Busy(f"{path} cannot be written ({error}); is another run writing it?") from error
-            _lay_out(dataset, schema, attributes)
-            dataset.close()
-            os.replace(fresh, path)
-            return cls.reopen(path)
-
-    @classmethod
-    def reopen(cls, path: Path, steps: int = 0) -> "Writer":
-        """Continue a file after its last committed row, to which the run has taken `steps` steps."""
-        _refuse_second(path)
-        with LIBRARY:
-            try:
-                dataset = netCDF4.Dataset(path, "a")
-            except OSError as error:
-                raise Busy(f"{path} cannot be continued ({error}); is another run writing it?") from error
-            _forget_what_is_written(dataset)
-            ends = _ends(dataset, steps) if POSED in dataset.groups else {}
-            return cls(path, dataset, int(dataset[COMMITTED][...]), float(dataset[WALL_TIME][...]), ends)
+        self._place = path.with_name(f"{path.name}.{os.getpid()}.new")
+        with LIBRARY, _recording(path, "the file"):
+            self._replaced = _hold(path, found.identity if found else None)
+            self._dataset = _fresh(self._place)
+            self._identity = _which(self._place)
+            _writers[self._key] = self
+            lay_out(self._dataset, schema, attributes, self._chunks)
+            self._checksums.lay_out(self._dataset)
+            rewriting.write_through(self._dataset)
+        if found:
+            trajectory, stats, problems = (found.groups.get(name) for name in (TRAJECTORY, STATS, POSED))
+            assert trajectory is not None
+            assert stats is not None
+            self.write(
+                0,
+                {name: trajectory[name][1] for name in schema.growing(TRAJECTORY)},
+                {name: stats[name][1] for name in schema.growing(STATS)},
+                None if problems is None else taken({name: one[1] for name, one in problems.items()}, steps),
+            )
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -109,44 +116,108 @@ class Writer:
         return self._earlier + time.perf_counter() - self._started
 
     def write(self, first_row: int, trajectory: Block, stats: Block, problems: Block | None = None) -> None:
-        """Append rows, and subproblems, and commit them."""
-        try:
-            with LIBRARY:
-                self._append(TRAJECTORY, first_row, trajectory)
-                self._append(STATS, max(first_row - 1, 0), stats)
-                self._dataset[WALL_TIME][...] = self.wall_time
-                if problems is not None:
-                    self._append_problems(problems)
-                self._dataset.sync()
-                if problems is not None:
-                    self._dataset[COMMITTED_PROBLEMS][...] = self.ends["problem"]
-                    self._dataset.sync()
-                self.rows = first_row + len(trajectory["time"])
-                self._dataset[COMMITTED][...] = self.rows
-                self._dataset.sync()
-        except (OSError, RuntimeError) as error:
-            raise RecordingError(
-                f"rows from {first_row} on could not be written to {self.path} ({error}); rows before are safe. "
-                "Is the disk full?"
-            ) from error
+        """Append rows, and subproblems, and commit them.
+
+        Raises
+        ------
+        RecordingError
+            If they cannot be written, or the file is no longer there.
+        """
+        rows = first_row + len(trajectory["time"])
+        with LIBRARY, _recording(self.path, f"rows from {first_row} on"):
+            self._require_own()
+            chunks = rewriting.longer(self._chunks, {"time": rows, "step": rows - 1, **self._ends_with(problems)})
+            if chunks != self._chunks:
+                self._rewrite(chunks)
+            self._append(TRAJECTORY, first_row, trajectory)
+            self._append(STATS, max(first_row - 1, 0), stats)
+            self._dataset[WALL_TIME][...] = self.wall_time
+            if problems is not None:
+                self._append_problems(problems)
+            self._checksums.write(self._dataset, rows, self.ends.get("problem", 0))
+            self._dataset.sync()
+            if problems is not None:
+                self._count(COMMITTED_PROBLEMS, self.ends["problem"])
+            self._count(COMMITTED, rows)
+            if self._place != self.path:
+                os.replace(self._place, self.path)
+                self._place = self.path
+                self._let_go()
+            self.rows = rows
 
     def close(self, attributes: Mapping[str, Any], rename: Path | None) -> Path:
-        """Write closing attributes, close, and give the file its final name if there is one; returns its path."""
-        with LIBRARY:
-            try:
-                self._dataset.setncatts(dict(attributes))
-            finally:
-                self._dataset.close()
-                _writers.pop(self._key, None)
-        if rename is None:
-            return self.path
-        with self.path.open("rb+") as file:
-            os.fsync(file.fileno())
-        os.replace(self.path, rename)
-        return rename
+        """Write closing attributes, close, seal, and give the file its final name if there is one; returns its path.
+
+        Raises
+        ------
+        RecordingError
+            If that is not possible; the rows are in the partial file still.
+        """
+        with LIBRARY, _recording(self.path, "its end"):
+            self._require_own()
+            self._dataset.sync()
+            fresh = _beside(self.path)
+            fresh.unlink(missing_ok=True)  # it may be a link to elsewhere
+            shutil.copyfile(self.path, fresh)
+            with netCDF4.Dataset(fresh, "a") as dataset:
+                dataset.setncatts(dict(attributes))
+            seal(fresh)
+            os.replace(fresh, self.path)
+            self.abandon()
+            if rename is None:
+                return self.path
+            os.replace(self.path, rename)
+            return rename
+
+    def abandon(self) -> None:
+        """Let go of the file: what is committed stays."""
+        _writers.pop(self._key, None)
+        with LIBRARY, suppress(OSError, RuntimeError):  # what cannot be written was not committed, and has been told
+            self._dataset.close()
+        if self._place != self.path:
+            self._place.unlink(missing_ok=True)
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Let others have the file that this one has replaced, or would have."""
+        if self._replaced is not None:
+            self._replaced.close()
+
+    def _rewrite(self, chunks: dict[str, int]) -> None:
+        """Go on in a copy of what is committed, with chunks of these lengths."""
+        ends = {"time": self.rows, "step": max(self.rows - 1, 0), **self.ends}
+        fresh = _beside(self.path)
+        dataset = _fresh(fresh)
+        rewriting.copy(self._dataset, dataset, ends, chunks)
+        if self.ends:
+            dataset[COMMITTED_PROBLEMS][...] = self.ends["problem"]
+        dataset.sync()
+        os.replace(fresh, self._place)
+        before, self._dataset, self._chunks = self._dataset, dataset, chunks
+        self._identity = _which(self._place)
+        before.close()
+
+    def _require_own(self) -> None:
+        """Refuse to go on with a file that nobody would find."""
+        if _which(self._place) != self._identity:
+            raise OSError(f"{self._place.name} is another file now; is another run writing it?")
+
+    def _count(self, what: str, number: int) -> None:
+        """Commit what has been written."""
+        self._dataset[what][...] = number
+        self._dataset.sync()
+
+    def _ends_with(self, problems: Block | None) -> dict[str, int]:
+        """Where subproblems end once these are appended."""
+        if problems is None:
+            return self.ends
+        added = {"problem": len(problems["rows"])}
+        added |= {name: int(problems[counts].sum()) for name, counts in COUNTED.items()}
+        return {name: end + added[name] for name, end in self.ends.items()}
 
     def _append_problems(self, block: Block) -> None:
         group = self._dataset[POSED]
+        self._checksums.add(POSED, block)
         for name, values in block.items():
             variable = group[name]
             if not variable.dimensions:
@@ -154,94 +225,61 @@ class Writer:
             elif len(values):
                 begin = self.ends[variable.dimensions[0]]
                 variable[begin : begin + len(values)] = values
-        added = {"problem": len(block["rows"]), **{name: int(block[counts].sum()) for name, counts in COUNTED.items()}}
-        self.ends = {name: end + added[name] for name, end in self.ends.items()}
+        self.ends = self._ends_with(block)
 
     def _append(self, group: str, first: int, block: Block) -> None:
+        self._checksums.add(group, block)
         for name, values in block.items():
             if len(values):
                 self._dataset[group][name][first : first + len(values)] = values
 
 
-def _ends(dataset: netCDF4.Dataset, steps: int) -> dict[str, int]:
-    dataset.set_auto_mask(False)
-    group, committed = dataset[POSED], int(dataset[COMMITTED_PROBLEMS][...])
-    taken = int(np.searchsorted(group["step"][:committed], steps))
-    return places({name: group[name] for name in COUNTED.values()}, taken)
+@contextmanager
+def _recording(path: Path, what: str) -> Iterator[None]:
+    """Say what could not be written, and that what is committed is safe."""
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        raise RecordingError(
+            f"{path}: {what} could not be written ({error}); rows that were committed before are safe. "
+            "Is the disk full, or the folder gone? Mend it, and resume."
+        ) from error
 
 
-def attributes_of(owner: netCDF4.Dataset | netCDF4.Variable) -> dict[str, Any]:
-    """Attributes in Python's own types."""
-    values = ((name, owner.getncattr(name)) for name in owner.ncattrs())
-    return {name: value.item() if isinstance(value, np.generic) else value for name, value in values}
+def _hold(path: Path, identity: tuple[int, int, int] | None) -> BinaryIO | None:
+    """Keep others from a file that is to be replaced, until what is returned is closed; None without a file.
 
-
-def _refuse_second(path: Path) -> None:
+    Raises
+    ------
+    Busy
+        If somebody writes it, or has done so since it was the one of that `identity`.
+    """
     if being_written(path):
         raise InputError(f"{path} is being written; is another run writing it in this process?")
+    if not path.exists():
+        return None
+    file = path.open("rb+")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # as HDF5 does
+    except BlockingIOError as error:
+        file.close()
+        raise Busy(f"{path} cannot be written; is another run writing it?") from error
+    if identity not in (None, identity_of(path)):
+        file.close()
+        raise Busy(f"{path} has just been written by another run.")
+    return file
 
 
-def _lay_out(dataset: netCDF4.Dataset, schema: Schema, attributes: Mapping[str, Any]) -> None:
-    dataset.setncatts(dict(attributes))
-    committed = dataset.createVariable(COMMITTED, "i8", (), fill_value=False)
-    committed.setncatts({"units": "1", "long_name": "rows that are whole"})
-    wall_time = dataset.createVariable(WALL_TIME, "f8", (), fill_value=False)
-    wall_time.setncatts({"units": "s", "long_name": "wall time spent on them"})
-    committed[...], wall_time[...] = 0, 0.0
-    if schema.subproblems:
-        problems = dataset.createVariable(COMMITTED_PROBLEMS, "i8", (), fill_value=False)
-        problems.setncatts({"units": "1", "long_name": "subproblems that are whole"})
-        problems[...] = 0
-    constants = schema.constants()
-    for name, variables in schema.groups.items():
-        group = dataset.createGroup(name)
-        group.setncattr("coordinates", " ".join(coordinates(name)))
-        for dimension in dict.fromkeys(dim for variable in variables for dim in variable.dims):
-            group.createDimension(dimension, schema.sizes.get(dimension))
-        for variable in variables:
-            if variable.dtype == "str":
-                _write_words(group, variable, constants[name][variable.name])
-                continue
-            created = _create(group, variable, schema.sizes)
-            if not variable.grows:
-                created[...] = constants[name][variable.name]
+def _beside(path: Path) -> Path:
+    """Where the holder of a file prepares what is to take its place."""
+    return path.with_name(f"{path.name}.new")
 
 
-def _create(group: netCDF4.Group, variable: Variable, sizes: Mapping[str, int]) -> netCDF4.Variable:
-    created: netCDF4.Variable = group.createVariable(
-        variable.name,
-        np.dtype(variable.dtype),
-        variable.dims,
-        fill_value=False,
-        chunksizes=_chunks(variable, sizes) if variable.grows else None,
-    )
-    created.set_auto_mask(False)
-    created.setncatts(variable.attributes)
-    return created
+def _fresh(path: Path) -> netCDF4.Dataset:
+    path.unlink(missing_ok=True)  # it may be a link to elsewhere
+    return netCDF4.Dataset(path, "w", format="NETCDF4")
 
 
-def _chunks(variable: Variable, sizes: Mapping[str, int]) -> list[int]:
-    """Shape of the pieces that a variable grows by: whole ones are stored, so rows of many bodies go into small ones."""
-    inner = [sizes[dimension] for dimension in variable.dims[1:]]
-    usual = CHUNK_PLACES if variable.dims[0] in COUNTED else CHUNK_ROWS
-    most = CHUNK_BYTES // (np.dtype(variable.dtype).itemsize * math.prod(inner))
-    return [max(1, min(usual, most)), *inner]
-
-
-def _forget_what_is_written(dataset: netCDF4.Dataset) -> None:
-    """Let the library hold one chunk of each variable, where it would hold megabytes of what is on disk already."""
-    for group in dataset.groups.values():
-        for variable in group.variables.values():
-            chunks = variable.chunking()
-            if chunks != "contiguous":
-                variable.set_var_chunk_cache(variable.dtype.itemsize * math.prod(chunks), 1, 1.0)
-
-
-def _write_words(group: netCDF4.Group, variable: Variable, words: np.ndarray) -> None:
-    """Write words as rows of letters: where a file is opened twice, HDF5 crashes on strings of any length."""
-    letters = words.astype(bytes)
-    dimension = f"{variable.name}_letter"
-    group.createDimension(dimension, letters.itemsize)
-    created = group.createVariable(variable.name, "S1", (*variable.dims, dimension), fill_value=False)
-    created[:] = letters.view("S1").reshape(*words.shape, letters.itemsize)
-    created.setncatts({**variable.attributes, ENCODING: "ascii"})
+def _which(path: Path) -> tuple[int, int]:
+    found = path.stat()
+    return found.st_dev, found.st_ino

@@ -19,7 +19,7 @@ from deli.errors import InputError
 from deli.mechanics import symmetry
 from deli.mechanics.constraints import ConstraintFamily, SearchedFamily
 from deli.mechanics.scene import Scene
-from deli.recording.schema import AXES, CONVENTIONS, UNITS_NOTE
+from deli.recording.schema import AXES, CONVENTIONS, TRAJECTORY, UNITS_NOTE
 from deli.subproblems.choices import parse_choices
 from solvers.registry import BUILTIN, REFERENCE
 
@@ -63,10 +63,28 @@ def method_name(method: type) -> str:
 
 
 def scene_of(run: "xr.DataTree") -> Scene | None:
-    """The scene a run was computed with, or None if it was a user's own and cannot be rebuilt."""
+    """The scene a run was computed with, or None if it was a user's own and cannot be rebuilt.
+
+    Raises
+    ------
+    InputError
+        If the recorded config makes no scene, or one of another size than the run's.
+    """
     table = dict(tomllib.loads(run.attrs["config"])["scene"])
     name = table.pop("name")
-    return None if name == CUSTOM or name not in scenes.available() else scenes.get(name)(**table)
+    if name == CUSTOM or name not in scenes.available():
+        return None
+    try:
+        scene = scenes.get(name)(**table)
+    except (TypeError, ValueError, ArithmeticError, LookupError) as error:
+        raise InputError(f"the run's attribute config makes no scene {name}: {error}; is the file damaged?") from error
+    sizes = run.children[TRAJECTORY].sizes
+    if (scene.dof, scene.dimension) != (sizes["dof"], sizes["axis"]):
+        raise InputError(
+            f"the run's attribute config makes a scene {name} of {scene.dof} degrees of freedom in {scene.dimension} "
+            f"dimensions, and the run has {sizes['dof']} in {sizes['axis']}; is the file damaged?"
+        )
+    return scene
 
 
 def attributes(config: Mapping[str, Any], scene: Scene) -> dict[str, Any]:

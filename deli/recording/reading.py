@@ -1,17 +1,23 @@
-"""Reading recorded runs: committed rows only, from files that are finished, cut short or still growing."""
+"""Reading recorded runs: committed rows only, from files that are finished, cut short, still growing, or damaged.
 
-import tomllib
-from collections.abc import Mapping
+Files that deli has closed are sealed, and read as they are once the seal is found intact. Others are read by a process
+of its own, which a damaged file can kill.
+"""
+
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import netCDF4
-import numpy as np
-
 from deli.errors import InputError
-from deli.recording.netcdf import COMMITTED, COMMITTED_PROBLEMS, ENCODING, LIBRARY, attributes_of, being_written
-from deli.recording.schema import CONVENTIONS, POSED, STATS, TRAJECTORY, Groups, VariableData
-from deli.recording.subproblems import COUNTED, ORIGIN, places, unpack
+from deli.recording import checksums, structure
+from deli.recording.apart import load_apart
+from deli.recording.contents import LIBRARY, WALL_TIME, Contents, gather, load, open_file
+from deli.recording.netcdf import being_written
+from deli.recording.schema import POSED, TRAJECTORY, Groups
+from deli.recording.seal import intact
+from deli.recording.subproblems import ORIGIN, unpack
+from deli.recording.superblock import stated_length
+from deli.recording.unfinished import Unfinished, identity_of
 from deli.subproblems.posed import PosedSubproblem
 
 
@@ -28,26 +34,25 @@ def read(path: Path) -> tuple[Groups, dict[str, Any]]:
     Raises
     ------
     InputError
-        If the file is missing, is no netCDF file or was not written by deli.
+        If the file is missing, is no netCDF file, was not written by deli, or is damaged. Of a finished file that
+        another program has written to since, `deli.recording.verify` says whether rows are those that were recorded.
     """
-    with LIBRARY, _open(path) as dataset:
-        found = dataset.getncattr("Conventions") if "Conventions" in dataset.ncattrs() else None
-        if COMMITTED not in dataset.variables or not {TRAJECTORY, STATS} <= set(dataset.groups):
-            raise InputError(f"{path} is a netCDF file, but not a run recorded by deli.")
-        if found != CONVENTIONS:
-            raise InputError(f"{path} follows the conventions {found!r}; this version of deli reads {CONVENTIONS!r}.")
-        dataset.set_auto_maskandscale(False)
-        rows = int(dataset[COMMITTED][...])
-        length = {"time": rows, "step": max(rows - 1, 0)}
-        groups = {}
-        try:
-            for group in (TRAJECTORY, STATS):
-                groups[group] = {name: _read(variable, length) for name, variable in dataset[group].variables.items()}
-            if POSED in dataset.groups:
-                groups[POSED] = _read_problems(dataset)
-        except (OSError, RuntimeError) as error:
-            raise InputError(f"{path} is damaged: its rows cannot be read ({error}).") from error
-        return groups, attributes_of(dataset)
+    groups, contents = _run(path)
+    return groups, contents.attributes
+
+
+def read_unfinished(path: Path) -> Unfinished:
+    """Read the committed rows of a partial file, to continue it.
+
+    Raises
+    ------
+    InputError
+        As `read`.
+    """
+    identity = identity_of(path)
+    groups, contents = _run(path)
+    wall_time = structure.number_of(contents.root, WALL_TIME, path)
+    return Unfinished(groups, contents.attributes, wall_time, identity)
 
 
 def read_attributes(path: Path) -> dict[str, Any]:
@@ -56,10 +61,11 @@ def read_attributes(path: Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If the file is missing or is no netCDF file.
+        If the file is missing, no netCDF file, or damaged.
     """
-    with LIBRARY, _open(path) as dataset:
-        return attributes_of(dataset)
+    attributes = _contents(path, values=False).attributes
+    structure.require_attributes(attributes, path)
+    return attributes
 
 
 def read_subproblems(path: Path) -> tuple[list[PosedSubproblem], list[str]]:
@@ -76,61 +82,97 @@ def read_subproblems(path: Path) -> tuple[list[PosedSubproblem], list[str]]:
     InputError
         If the file cannot be read or has no subproblems.
     """
-    with LIBRARY, _open(path) as dataset:
-        if POSED not in dataset.groups:
-            raise InputError(
-                f"{path} holds no subproblems; record them with record.subproblems = true in the config "
-                f"(deli run ... --set record.subproblems=true) or deli.simulate(..., subproblems=True)."
+    contents = _contents(path)
+    if POSED not in contents.groups:
+        raise InputError(
+            f"{path} holds no subproblems; record them with record.subproblems = true in the config "
+            f"(deli run ... --set record.subproblems=true) or deli.simulate(..., subproblems=True)."
+        )
+    problems = unpack({name: values for name, (_, values, _) in structure.problems_of(contents, path).items()})
+    if not problems:
+        raise InputError(f"{path} holds no subproblems: nothing was solved in the run; skip = false solves all.")
+    if ORIGIN in contents.groups[POSED]:
+        origins = structure.words_of(contents.groups[POSED][ORIGIN], f"{POSED}/{ORIGIN}", path).tolist()
+        return problems, origins[: len(problems)]
+    scene = structure.config_of(contents.attributes, path)["scene"]
+    return problems, [scene.get("label", scene["name"])] * len(problems)
+
+
+@dataclass(frozen=True)
+class Examined:
+    """A file as `deli.recording.verify` looks at it.
+
+    Attributes
+    ----------
+    groups, attributes : dict
+        See `read`.
+    stored : int
+        Rows that it holds, committed or not.
+    sealed : bool
+        Whether it has the digest of its content.
+    broken : list of str, or None
+        Variables whose committed numbers are not those that were recorded; None where a file has no checksums.
+    """
+
+    groups: Groups
+    attributes: dict[str, Any]
+    stored: int
+    sealed: bool
+    broken: list[str] | None
+
+
+def examine(path: Path) -> Examined:
+    """Read a file with what it says about itself.
+
+    Raises
+    ------
+    InputError
+        As `read`.
+    """
+    groups, contents = _run(path)
+    broken = checksums.broken(contents.root, groups, len(groups[TRAJECTORY]["time"][1]))
+    return Examined(groups, contents.attributes, contents.sizes[TRAJECTORY]["time"], contents.trusted, broken)
+
+
+def _run(path: Path) -> tuple[Groups, Contents]:
+    contents = _contents(path)
+    groups = structure.run_of(contents, path)
+    if not contents.trusted:
+        structure.config_of(contents.attributes, path)
+    if path.suffix == ".partial":
+        rows = len(groups[TRAJECTORY]["time"][1])
+        broken = checksums.broken(contents.root, groups, rows)
+        if broken:
+            structure.refuse(
+                path,
+                f"the checksums of {', '.join(broken)} do not match; if a run is writing it, try again in a moment",
             )
-        dataset.set_auto_maskandscale(False)
-        try:
-            variables = _read_problems(dataset)
-            problems = unpack({name: values for name, (_, values, _) in variables.items()})
-        except (OSError, RuntimeError, KeyError, IndexError, ValueError) as error:
-            raise InputError(f"{path} is damaged: its subproblems cannot be read ({error}).") from error
-        if not problems:
-            raise InputError(f"{path} holds no subproblems: nothing was solved in the run; skip = false solves all.")
-        if ORIGIN in variables:
-            return problems, variables[ORIGIN][1].tolist()
-        table = tomllib.loads(attributes_of(dataset).get("config", ""))
-        scene = table.get("scene", {})
-        return problems, [scene.get("label", scene.get("name", ""))] * len(problems)
+    return groups, contents
 
 
-def _read_problems(dataset: netCDF4.Dataset) -> dict[str, VariableData]:
-    group = dataset[POSED]
-    committed = COMMITTED_PROBLEMS in dataset.variables
-    count = int(dataset[COMMITTED_PROBLEMS][...]) if committed else len(group.dimensions["problem"])
-    ends = places({name: group[name] for name in COUNTED.values()}, count)
-    return {name: _read(variable, ends) for name, variable in group.variables.items()}
-
-
-def stored_rows(path: Path) -> int:
-    """Rows that a file holds, committed or not."""
-    with LIBRARY, _open(path) as dataset:
-        return len(dataset[TRAJECTORY].dimensions["time"])
-
-
-def _open(path: Path) -> netCDF4.Dataset:
+def _contents(path: Path, values: bool = True) -> Contents:
     if not path.exists():
         raise InputError(f"{path} does not exist.")
-    if not being_written(path):
-        try:
-            return netCDF4.Dataset(path, "r")
-        except OSError as locked:
-            if path.suffix != ".partial":
-                raise InputError(f"{path} cannot be read as netCDF ({locked}); was it written by deli?") from locked
-    # A running writer holds the file; what it has synced is on disk and readable as a copy.
+    if not path.is_file():
+        raise InputError(f"{path} cannot be read as netCDF: it is no file.")
+    live = being_written(path)
+    if not live and not _sealed(path):
+        return load_apart(path, values)
+    with LIBRARY, open_file(path, live) as dataset:
+        contents = gather(load(dataset, path, values))
+        contents.trusted = True
+        return contents
+
+
+def _sealed(path: Path) -> bool:
+    """Whether a file is sealed; one whose seal is broken, or that was cut off, is refused."""
     try:
-        return netCDF4.Dataset(path.name, "r", memory=path.read_bytes())
+        found, length, stated = intact(path), path.stat().st_size, stated_length(path)
     except OSError as error:
-        raise InputError(f"{path} cannot be read ({error}); if a run is writing it, try again in a moment.") from error
-
-
-def _read(variable: netCDF4.Variable, length: Mapping[str, int]) -> VariableData:
-    first = variable.dimensions[0] if variable.dimensions else ""
-    values = variable[: length[first]] if first in length else variable[...]
-    attributes = attributes_of(variable)
-    if attributes.pop(ENCODING, None) is None:
-        return variable.dimensions, np.asarray(values), attributes
-    return variable.dimensions[:-1], values.astype(str), attributes
+        raise InputError(f"{path} cannot be read ({error}).") from error
+    if found is False:
+        structure.refuse(path, "its content is not what it was when it was closed: the digest differs")
+    if stated is not None and length < stated:
+        hint = "; if a run is writing it, try again in a moment" if path.suffix == ".partial" else ""
+        structure.refuse(path, f"it was cut off, {length:,} of {stated:,} bytes are there{hint}")
+    return bool(found)

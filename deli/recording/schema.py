@@ -1,7 +1,7 @@
 """What a recorded run contains: every variable with its dimensions, type, units and long name."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -61,6 +61,10 @@ class Schema:
         growing = [variable for name in (TRAJECTORY, STATS) for variable in self.groups[name] if variable.grows]
         places = [math.prod(self.sizes.get(dimension, 1) for dimension in variable.dims) for variable in growing]
         return sum(n * np.dtype(variable.dtype).itemsize for n, variable in zip(places, growing, strict=True))
+
+    def growing(self, group: str) -> tuple[str, ...]:
+        """Names of the variables of a group that rows, or subproblems, are appended to."""
+        return tuple(variable.name for variable in self.groups[group] if variable.grows)
 
     def constants(self) -> dict[str, Block]:
         """Values of the coordinates that do not grow, by group."""
@@ -176,6 +180,12 @@ _STATS = (
         },
     ),
 )
+
+
+def remembered(names: Iterable[str]) -> tuple[str, ...]:
+    """Which of these names are of what a method carries from step to step."""
+    found = set(names)
+    return tuple(name for name in _MEMORY if name in found)
 
 
 def coordinates(group: str) -> tuple[str, ...]:

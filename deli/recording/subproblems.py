@@ -111,6 +111,35 @@ def unpack(arrays: Mapping[str, np.ndarray]) -> list[PosedSubproblem]:
     return problems
 
 
+def find_fault(arrays: Mapping[str, np.ndarray]) -> str:
+    """Say which of the arrays that `pack` returned is not what belongs to the others, or nothing."""
+    sizes, rows, entries = (arrays[name] for name in ("variables", "rows", "entries"))
+    if not ((arrays["subproblem"] >= 0) & (arrays["subproblem"] < len(SUBPROBLEMS))).all():
+        return f"subproblem names others than {', '.join(SUBPROBLEMS)}"
+    if not (sizes > 0).all():
+        return "variables has a problem without variables"
+    if not ((arrays["equalities"] >= 0) & (arrays["equalities"] <= rows)).all():
+        return "equalities has more equations than rows, or fewer than none"
+    triangles = sizes * (sizes + 1) // 2
+    if not ((arrays["metric_entries"] == 0) | (arrays["metric_entries"] == triangles)).all():
+        return "metric_entries is neither none nor a triangle of the problem's variables"
+    if not (arrays["row_entries"] >= 0).all():
+        return "row_entries has less than none"
+    through = np.concatenate(([0], np.cumsum(arrays["row_entries"])))[np.concatenate(([0], np.cumsum(rows)))]
+    if not np.array_equal(np.diff(through), entries):
+        return "row_entries does not add up to entries"
+    if not ((arrays["column"] >= 0) & (arrays["column"] < np.repeat(sizes, entries))).all():
+        return "column names variables that a problem does not have"
+    return ""
+
+
+def taken(arrays: Mapping[str, np.ndarray], steps: int) -> "Block":
+    """Those of the problems whose arrays `pack` returned that were posed before so many steps had been taken."""
+    ends = places(arrays, int(np.searchsorted(arrays["step"], steps)))
+    dims = {variable.name: variable.dims for variable in SUBPROBLEM_VARIABLES}
+    return {name: values[: ends[dims[name][0]]] if dims[name] else values for name, values in arrays.items()}
+
+
 def places(counts: Mapping[str, np.ndarray], problems: int) -> dict[str, int]:
     """Where the first `problems` problems end along each ragged dimension."""
     return {"problem": problems, **{name: int(counts[count][:problems].sum()) for name, count in COUNTED.items()}}

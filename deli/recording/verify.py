@@ -1,6 +1,5 @@
 """Whether a recorded file is what it says: schema, committed rows, finite numbers, diagnostics that follow."""
 
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,10 +8,10 @@ import numpy as np
 import xarray as xr
 
 from deli.integrators.registry import METHODS
-from deli.recording import provenance, reading
+from deli.recording import provenance, reading, structure
 from deli.recording.recorder import diagnose
 from deli.recording.schema import POSED, STATS, TRAJECTORY, Groups, Schema, build_tree, dataset_of
-from deli.recording.subproblems import LEFT_OUT
+from deli.recording.subproblems import LEFT_OUT, unpack
 from deli.subproblems.stats import RESIDUALS
 
 AGREEMENT = 1e-9
@@ -36,13 +35,26 @@ def verify(path: Path) -> list[Finding]:
     InputError
         If it cannot be read at all, or was not recorded by deli.
     """
-    groups, attributes = reading.read(path)
+    found = reading.examine(path)
+    groups, attributes = found.groups, found.attributes
     run = build_tree(groups, attributes)
-    config = tomllib.loads(attributes["config"])
+    config = structure.config_of(attributes, path)
     findings = [Finding("outcome", None, attributes["outcome"])]
-    findings += [_schema(groups, config["method"]["name"]), _rows(path, run), _finite(run), _times(run, config)]
-    findings += [_problems(path, run)] if POSED in groups else []
+    findings += [_content(found), _schema(groups, config["method"]["name"]), _rows(path, run, found.stored)]
+    findings += [_finite(run), _times(run, config)]
+    findings += [_problems(run)] if POSED in groups else []
     return findings + list(_diagnostics(run))
+
+
+def _content(found: reading.Examined) -> Finding:
+    """Whether a file's numbers are those that were recorded: by the digest of the file, or by checksums of its rows."""
+    if found.broken:
+        return Finding("content", False, f"checksums differ: {', '.join(found.broken)}")
+    if found.sealed:
+        return Finding("content", True, "the digest that the file was closed with")
+    if found.broken is None:
+        return Finding("content", None, "not checked: there is neither a digest nor checksums")
+    return Finding("content", True, "checksums of all rows; there is no digest")
 
 
 def _schema(groups: Groups, method: str) -> Finding:
@@ -64,8 +76,8 @@ def _schema(groups: Groups, method: str) -> Finding:
     return Finding("schema", not wrong, "; ".join(wrong) or "all variables, with units and long names")
 
 
-def _rows(path: Path, run: xr.DataTree) -> Finding:
-    committed, stored = dataset_of(run, TRAJECTORY).sizes["time"], reading.stored_rows(path)
+def _rows(path: Path, run: xr.DataTree, stored: int) -> Finding:
+    committed = dataset_of(run, TRAJECTORY).sizes["time"]
     if path.suffix == ".partial":
         return Finding("rows", committed >= 1, f"{committed} committed of {stored} begun")
     return Finding("rows", committed == stored, f"{committed} committed, {stored} stored")
@@ -89,13 +101,13 @@ def _times(run: xr.DataTree, config: dict[str, float]) -> Finding:
     return Finding("times", holds, f"0 to {time[-1]:.9g}, multiples of {config['step_size']}")
 
 
-def _problems(path: Path, run: xr.DataTree) -> Finding:
+def _problems(run: xr.DataTree) -> Finding:
     """Whether the answers to recorded subproblems are as good as it says."""
     recorded = dataset_of(run, POSED)
     kept, left_out = recorded.sizes["problem"], int(recorded[LEFT_OUT])
     worst = 0.0
     if kept:
-        problems, _ = reading.read_subproblems(path)
+        problems = unpack({str(name): values.values for name, values in recorded.variables.items()})
         again = np.array([one.residuals(one.z, one.y) for one in problems])
         before = np.stack([recorded[name].values for name in RESIDUALS], axis=1)
         if not np.array_equal(np.isnan(again), np.isnan(before)):

@@ -14,9 +14,10 @@ from deli.errors import InputError
 from deli.mechanics import energies
 from deli.recording import netcdf, provenance
 from deli.recording.paths import partial_path
-from deli.recording.reading import read
+from deli.recording.reading import read, read_unfinished
 from deli.recording.recorder import BLOCK_ROWS, Memory, Recorder, diagnose
 from deli.recording.schema import STATS, TRAJECTORY, Groups, Schema, build_tree
+from deli.recording.structure import refuse, require_schema
 from deli.recording.subproblems import COUNTED
 from deli.running.interrupts import PATIENCE_SECONDS as STEP_SECONDS
 from deli.running.interrupts import Interrupted, StopRequests
@@ -90,15 +91,20 @@ class Session:
 
     def _open(self, path: Path, config: dict[str, Any]) -> tuple[netcdf.Writer, int]:
         if self._plan.resume and path.exists():
-            groups, attributes = read(path)
-            rows = len(groups[TRAJECTORY]["time"][1])
+            found = read_unfinished(path)
+            groups, rows = found.groups, len(found.groups[TRAJECTORY]["time"][1])
             if rows:
-                provenance.require_same(attributes["config"], config, path)
+                provenance.require_same(found.attributes["config"], config, path)
+                require_schema(groups, self._schema, path)
+                self._require_same_times(groups[TRAJECTORY]["time"][1], path)
                 self._require_same_functions(groups, path)
                 self._state = self._last_state(groups)
                 self._solves = int(groups[STATS]["solves"][1].sum())
-                return netcdf.Writer.reopen(path, self._plan.step_of(rows - 1)), rows
-        return netcdf.Writer.create(path, self._schema, self._attributes), 0
+                recorded = {key: found.attributes.get(key, value) for key, value in self._attributes.items()}
+                recorded["outcome"] = self._attributes["outcome"]
+                steps = self._plan.step_of(rows - 1)
+                return netcdf.Writer(path, self._schema, recorded, found, steps), rows
+        return netcdf.Writer(path, self._schema, self._attributes), 0
 
     def _last_state(self, groups: Groups) -> tuple[np.ndarray, ...]:
         last = {name: groups[TRAJECTORY][name][1][-1] for name in ("position", "momentum", *self._plan.memory)}
@@ -113,6 +119,11 @@ class Session:
         collector = Collector(self._plan.subproblems, kept, self._solves - kept, size)
         self._stepper.collect(collector)
         return collector
+
+    def _require_same_times(self, times: np.ndarray, path: Path) -> None:
+        due = np.minimum(np.arange(len(times)) * self._plan.every, self._plan.steps) * self._plan.step_size
+        if len(times) > self._plan.rows or not np.array_equal(times, due):
+            refuse(path, "its times are not those that the run records")
 
     def _require_same_functions(self, groups: Groups, path: Path) -> None:
         position, momentum = self._state

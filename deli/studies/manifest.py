@@ -11,6 +11,7 @@ from deli.errors import InputError
 from deli.recording.provenance import now, version
 from deli.studies.expansion import Study
 from deli.studies.layout import MANIFEST, read_json, write_whole
+from deli.studies.manifest_model import check_manifest
 from deli.studies.states import RUNNING, WAITING
 
 FORMAT = 1
@@ -102,4 +103,5 @@ def read_manifest(folder: Path) -> dict[str, Any] | None:
     found = read_json(path)
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         raise InputError(f"{path} is no manifest of format {FORMAT}; name another folder.")
+    check_manifest(found, path)
     return found

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import xarray as xr
+from pydantic import TypeAdapter, ValidationError
 
 from deli import metrics
 from deli.errors import InputError
@@ -41,6 +42,9 @@ class Measured:
     note: str = ""
 
 
+_measured = TypeAdapter(Measured)
+
+
 @functools.cache
 def definition() -> str:
     """Name the present definition of the metrics."""
@@ -49,9 +53,22 @@ def definition() -> str:
 
 
 def measured(run: Path) -> Measured | None:
-    """Read what stands beside a run, or None where nothing does."""
+    """Read what stands beside a run, or None where nothing does.
+
+    Raises
+    ------
+    InputError
+        If it is damaged.
+    """
     path = metrics_path(run)
-    return Measured(**read_json(path)) if path.exists() else None
+    if not path.exists():
+        return None
+    try:
+        return _measured.validate_python(read_json(path))
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"])) or "the whole"
+        raise InputError(f"{path} is damaged: {place}: {first['msg']}; deli study measures the run again.") from error
 
 
 def measure(path: Path, run: xr.DataTree, reference: str | None) -> Measured:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from deli.errors import InputError
 from deli.recording.paths import partial_path
 from deli.recording.provenance import NONE_USED, backend_version, flatten, version
 from deli.recording.reading import read_attributes
@@ -15,6 +16,8 @@ from deli.studies.measuring import EXACT, definition, measured
 from deli.studies.states import DONE, FAILED, FAILURES, INTERRUPTED, WAITING
 
 KEEP, MEASURE, RUN = "keep", "measure", "run"
+KNOWN = ("outcome", "deli_version", "backend_versions", "machine")
+"""What is known of a run that has ended."""
 RETRY = "--retry-failed"
 SHOWN_CHANGES = 3
 
@@ -71,11 +74,14 @@ _MISSING = "missing"
 def _of_run(case: Case, file: Path, record: Mapping[str, Any], retry: bool) -> Decision:
     state = record.get("state")
     if file.exists():
-        known = record if state in (DONE, FAILED) and "outcome" in record else read_attributes(file)
+        try:
+            known = record if state in (DONE, FAILED) and set(KNOWN) <= record.keys() else read_attributes(file)
+        except InputError as error:
+            return Decision(case, RUN, f"cannot be read: {error}", fresh=True)
         newer = _newer_versions(known["deli_version"], known["backend_versions"])
         if newer:
             return Decision(case, RUN, newer, fresh=True)
-        kept = {key: known[key] for key in ("outcome", "deli_version", "backend_versions", "machine")}
+        kept = {key: known[key] for key in KNOWN}
         if known["outcome"] == "complete":
             return Decision(case, KEEP, "done", record={**kept, "state": DONE, "reason": ""})
         if retry:
@@ -88,7 +94,11 @@ def _of_run(case: Case, file: Path, record: Mapping[str, Any], retry: bool) -> D
         return Decision(case, KEEP, str(state))
     if not begun:
         return Decision(case, RUN, _MISSING, record={"state": WAITING, "reason": "", "seconds": 0.0})
-    newer = _newer_versions(read_attributes(partial_path(file))["deli_version"], NONE_USED)
+    try:
+        attributes = read_attributes(partial_path(file))
+    except InputError as error:
+        return Decision(case, RUN, f"cannot be continued: {error}", fresh=True, record={"state": WAITING})
+    newer = _newer_versions(attributes["deli_version"], NONE_USED)
     return Decision(case, RUN, newer or "unfinished", fresh=bool(newer), record={"state": INTERRUPTED})
 
 
@@ -96,7 +106,11 @@ def _remeasured(decision: Decision, study: Study, folder: Path, again: set[str])
     """Measure what is recorded where its metrics are missing, defined otherwise, or about another reference."""
     if decision.action != KEEP or (decision.record or {}).get("state") != DONE:
         return decision
-    found, reference = measured(run_path(folder, decision.case.digest)), reference_of(study, decision.case)
+    reference = reference_of(study, decision.case)
+    try:
+        found = measured(run_path(folder, decision.case.digest))
+    except InputError as error:
+        return Decision(decision.case, MEASURE, str(error), record=decision.record)
     why = ""
     if found is None:
         why = "not measured yet"
@@ -113,7 +127,7 @@ def _newer_versions(deli: str, backends: str) -> str:
     """Say which of deli and the backends that a run used are of another version now."""
     recorded = {"deli": deli}
     if backends != NONE_USED:
-        recorded |= dict(entry.split(" ", 1) for entry in backends.split(", "))
+        recorded |= {name: found for name, _, found in (entry.partition(" ") for entry in backends.split(", "))}
     present = {name: version("deli") if name == "deli" else backend_version(name) for name in recorded}
     return "; ".join(
         f"{name} was {recorded[name]} and is {present[name]}" for name in recorded if recorded[name] != present[name]
@@ -125,7 +139,11 @@ def _changes(case: Case, folder: Path, old: str | None) -> str:
     path = config_path(run_path(folder, str(old)))
     if not path.exists():
         return "config changed"
-    before, after = flatten(tomllib.loads(path.read_text(encoding="utf-8"))), flatten(case.config)
+    try:
+        before = flatten(tomllib.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, RecursionError):  # a config that cannot be read is another one
+        return "config changed"
+    after = flatten(case.config)
     keys = [key for key in before | after if before.get(key) != after.get(key)]
     said = [f"{key} was {before.get(key, 'absent')!r} and is {after.get(key, 'absent')!r}" for key in keys]
     more = [f"{len(said) - SHOWN_CHANGES} more"] if len(said) > SHOWN_CHANGES else []

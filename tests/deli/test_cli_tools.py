@@ -68,7 +68,7 @@ class TestPlotAndCheck:
             ("trajectory", "hamiltonian", 1.0, "hamiltonian"),
             ("trajectory", "gap_min", 0.5, "gap_min"),
             ("trajectory", "momentum", float("nan"), "finite values"),
-            ("trajectory", "time", 0.033, "times"),
+            ("trajectory", "time", 0.053, "times"),
             ("solver_stats", "primal_residual", float("inf"), "finite values"),
         ],
     )

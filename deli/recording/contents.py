@@ -1,0 +1,172 @@
+"""What a netCDF file of deli's holds, as it stands there: rows that are committed, and none of it believed."""
+
+import threading
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import netCDF4
+import numpy as np
+
+from deli.errors import InputError
+
+COMMITTED, WALL_TIME, COMMITTED_PROBLEMS = "committed_rows", "committed_wall_time", "committed_subproblems"
+ENCODING = "_Encoding"
+"""The attribute that tells readers to join letters to words."""
+SMALLEST = 64
+"""Bytes of values that a file of any size may say it has."""
+DEFLATED = 1032
+"""How many times smaller deflate makes values at most; deli itself writes them as they are."""
+
+LIBRARY = threading.RLock()
+"""Held around every use of the netCDF library, which is not safe to use from several threads."""
+
+DAMAGE = (OSError, RuntimeError, AttributeError, LookupError, TypeError, ValueError, MemoryError, RecursionError)
+"""What the netCDF library, and what decodes what it returns, raise on a file that is not what it should be."""
+
+
+@dataclass
+class Stored:
+    """One variable of a file: its dimensions and attributes, and its values where they were asked for.
+
+    Values of dimensions that rows or subproblems are appended to end where the committed ones do.
+    """
+
+    dims: tuple[str, ...]
+    values: np.ndarray
+    attributes: dict[str, Any]
+
+
+@dataclass
+class Contents:
+    """What a file holds.
+
+    Attributes
+    ----------
+    attributes : dict
+        Of the root.
+    sizes : dict
+        Lengths of dimensions as stored, by group; the root is ``/``.
+    groups : dict
+        Variables, by group and name.
+    trusted : bool
+        Whether all this is what deli wrote.
+    """
+
+    attributes: dict[str, Any]
+    sizes: dict[str, dict[str, int]]
+    groups: dict[str, dict[str, Stored]]
+    trusted: bool = False
+
+    @property
+    def root(self) -> dict[str, Stored]:
+        """Variables of the root."""
+        return self.groups["/"]
+
+
+def open_file(path: Path, live: bool) -> netCDF4.Dataset:
+    """Open a file to read it; one that a writer has locked, or that is said to be `live`, as the copy it is now.
+
+    Raises
+    ------
+    InputError
+        If it is no netCDF file.
+    """
+    if not live:
+        try:
+            return netCDF4.Dataset(path, "r")
+        except DAMAGE as locked:
+            if path.suffix != ".partial":
+                raise InputError(f"{path} cannot be read as netCDF ({locked}); was it written by deli?") from locked
+    # A running writer holds the file; what it has synced is on disk and readable as a copy.
+    try:
+        return netCDF4.Dataset(path.name, "r", memory=path.read_bytes())
+    except DAMAGE as error:
+        raise InputError(f"{path} cannot be read ({error}); if a run is writing it, try again in a moment.") from error
+
+
+def load(dataset: netCDF4.Dataset, path: Path, values: bool) -> Iterator[Any]:
+    """Read a file: first its `Contents`, whose variables have no values yet, then those of each in their order.
+
+    Without `values` there are no variables, only what stands about them in the root and in dimensions.
+
+    Raises
+    ------
+    InputError
+        If something cannot be read, or would take more room than the file.
+    """
+    dataset.set_auto_maskandscale(False)
+    dataset.set_auto_chartostring(False)
+    room = max(path.stat().st_size, SMALLEST)
+    try:
+        owners = {"/": dataset, **dataset.groups}
+        sizes = {name: {key: len(size) for key, size in owner.dimensions.items()} for name, owner in owners.items()}
+        contents = Contents(attributes_of(dataset), sizes, {name: {} for name in owners})
+        if not values:
+            yield contents
+            return
+        ends = _ends(dataset)
+        plan = []
+        for group, owner in owners.items():
+            for name, variable in owner.variables.items():
+                if not _plain(variable):
+                    continue
+                shape = tuple(
+                    min(size, ends.get(dim, size)) if place == 0 else size
+                    for place, (dim, size) in enumerate(zip(variable.dimensions, variable.shape, strict=True))
+                )
+                _require_room(variable, f"{group.strip('/')}/{name}".strip("/"), shape, room, path)
+                empty = np.broadcast_to(np.zeros((), variable.dtype), shape)
+                contents.groups[group][name] = Stored(variable.dimensions, empty, attributes_of(variable))
+                plan.append((variable, shape))
+        yield contents
+        for variable, shape in plan:
+            found = variable[: shape[0]] if shape else variable[...]
+            yield np.ascontiguousarray(np.asarray(found)).reshape(shape)
+    except DAMAGE as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path} is damaged: it cannot be read ({type(error).__name__}: {error}).") from error
+
+
+def gather(parts: Iterator[Any]) -> Contents:
+    """Put together what `load` yields."""
+    contents: Contents = next(parts)
+    for variables in contents.groups.values():
+        for variable in variables.values():
+            variable.values = next(parts)
+    next(parts, None)
+    return contents
+
+
+def attributes_of(owner: netCDF4.Dataset | netCDF4.Variable) -> dict[str, Any]:
+    """Attributes in Python's own types."""
+    values = ((name, owner.getncattr(name)) for name in owner.ncattrs())
+    return {name: value.item() if isinstance(value, np.generic) else value for name, value in values}
+
+
+def _ends(dataset: netCDF4.Dataset) -> dict[str, int]:
+    """Where to stop along dimensions that grow: after what is committed, as far as there is sense in it."""
+    ends: dict[str, int] = {}
+    if COMMITTED in dataset.variables and not dataset[COMMITTED].shape:
+        rows = max(int(dataset[COMMITTED][...]), 0)
+        ends = {"time": rows, "step": max(rows - 1, 0)}
+    return ends
+
+
+def _plain(variable: netCDF4.Variable) -> bool:
+    """Whether values are numbers or letters; others are none of deli's."""
+    return isinstance(variable.dtype, np.dtype) and variable.dtype.kind in "iufS" and variable.dtype.itemsize <= 8
+
+
+def _require_room(variable: netCDF4.Variable, name: str, shape: tuple[int, ...], room: int, path: Path) -> None:
+    filters: Mapping[str, Any] = variable.filters() or {}
+    factor = DEFLATED if any(value for key, value in filters.items() if key not in ("shuffle", "fletcher32")) else 1
+    needed = variable.dtype.itemsize
+    for size in shape:
+        needed *= size
+    if needed > factor * room:
+        raise InputError(
+            f"{path} is damaged: {name} has the shape {shape}, which takes {needed:,} bytes, and the file has {room:,}."
+        )

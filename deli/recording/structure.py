@@ -1,0 +1,253 @@
+"""Whether what a file holds is a run: names, shapes, types and ranges, before anything is made of its numbers."""
+
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from deli.errors import InputError
+from deli.recording.contents import COMMITTED, COMMITTED_PROBLEMS, ENCODING, Contents, Stored
+from deli.recording.schema import (
+    AXES,
+    CONVENTIONS,
+    POSED,
+    STATS,
+    TRAJECTORY,
+    Groups,
+    Schema,
+    Variable,
+    VariableData,
+    remembered,
+)
+from deli.recording.subproblems import COUNTED, LEFT_OUT, find_fault, places
+from deli.subproblems.stats import STATUS_MEANINGS
+
+TEXTS = ("title", "config", "deli_version", "backend_versions", "machine", "outcome", "start")
+MOMENTA = ("conserved_linear_momentum", "conserved_angular_momentum")
+
+
+def refuse(path: Path, what: str) -> NoReturn:
+    """Refuse a damaged file.
+
+    Raises
+    ------
+    InputError
+    """
+    raise InputError(f"{path} is damaged: {what}. Run it again; --overwrite starts anew.")
+
+
+def run_of(contents: Contents, path: Path) -> Groups:
+    """Make a run of what a file holds.
+
+    Returns
+    -------
+    groups : dict
+        The variables that deli records, as (dims, values, attributes), by group and name.
+
+    Raises
+    ------
+    InputError
+        Naming what was found where something else must be.
+    """
+    if COMMITTED not in contents.root or not {TRAJECTORY, STATS} <= set(contents.groups):
+        raise InputError(f"{path} is a netCDF file, but not a run recorded by deli.")
+    found = contents.attributes.get("Conventions")
+    if found != CONVENTIONS:
+        raise InputError(f"{path} follows the conventions {found!r}; this version of deli reads {CONVENTIONS!r}.")
+    require_attributes(contents.attributes, path)
+    rows = _rows(contents, path)
+    sizes = {"time": rows, "step": max(rows - 1, 0), **_sizes(contents, path)}
+    memory = remembered(contents.groups[TRAJECTORY])
+    schema = Schema(sizes["dof"], sizes["axis"], memory, POSED in contents.groups)
+    groups = {
+        group: {variable.name: _variable(contents, group, variable, sizes, path) for variable in variables}
+        for group, variables in schema.groups.items()
+        if group != POSED
+    }
+    constants = schema.constants()
+    for group, variables in groups.items():
+        for name, expected in constants[group].items():
+            if not np.array_equal(variables[name][1], expected):
+                refuse(path, f"{group}/{name} is {variables[name][1].tolist()!r:.80}, not {expected.tolist()!r:.80}")
+    _require_order(groups, path)
+    if POSED in contents.groups:
+        groups[POSED] = problems_of(contents, path)
+    return groups
+
+
+def problems_of(contents: Contents, path: Path) -> dict[str, VariableData]:
+    """Return the committed subproblems that a file holds, a run's or a library's.
+
+    Raises
+    ------
+    InputError
+        Naming what was found where something else must be.
+    """
+    lengths = contents.sizes[POSED]
+    count = lengths.get("problem", 0)
+    if COMMITTED_PROBLEMS in contents.root:
+        count = _count(contents.root[COMMITTED_PROBLEMS], COMMITTED_PROBLEMS, count, "problem", path)
+    schema = {variable.name: variable for variable in Schema(1, 1, (), True).groups[POSED]}
+    sizes = {"problem": count}
+    counts = {name: _variable(contents, POSED, schema[name], sizes, path)[1] for name in COUNTED.values()}
+    for dimension, name in COUNTED.items():
+        least, most = int(counts[name].min(initial=0)), lengths.get(dimension, 0)
+        if least < 0 or float(counts[name].sum(dtype=float)) > most:
+            refuse(path, f"{POSED}/{name} counts {least} or more than the {most} places along {dimension}")
+    sizes |= places(counts, count)
+    found = {name: _variable(contents, POSED, variable, sizes, path) for name, variable in schema.items()}
+    fault = find_fault({name: values for name, (_, values, _) in found.items()})
+    if fault:
+        refuse(path, f"{POSED}/{fault}")
+    if int(found[LEFT_OUT][1]) < 0:
+        refuse(path, f"{POSED}/{LEFT_OUT} is {int(found[LEFT_OUT][1])}, a number of subproblems")
+    return found
+
+
+def require_schema(groups: Groups, schema: Schema, path: Path) -> None:
+    """Refuse a run of another system than that of a schema.
+
+    Raises
+    ------
+    InputError
+    """
+    for group, variables in schema.groups.items():
+        for variable in variables:
+            name = f"{group}/{variable.name}"
+            if variable.name not in groups.get(group, {}):
+                refuse(path, f"{name} is missing")
+            values = groups[group][variable.name][1]
+            for dim, length in zip(variable.dims, values.shape, strict=True):
+                if length != schema.sizes.get(dim, length):
+                    refuse(path, f"{name} has {length} along {dim}, not {schema.sizes[dim]}")
+
+
+def number_of(root: Mapping[str, Stored], name: str, path: Path) -> float:
+    """Return a number >= 0 that stands in the root of a file.
+
+    Raises
+    ------
+    InputError
+    """
+    found = root[name].values if name in root else np.array(())
+    if found.shape or not np.isfinite(found) or found < 0:
+        refuse(path, f"{name} is {found.tolist()!r:.80}, not one finite number >= 0")
+    return float(found)
+
+
+def require_attributes(attributes: dict[str, Any], path: Path) -> None:
+    """Refuse a file whose root does not say what was run, by what, and how it ended.
+
+    Raises
+    ------
+    InputError
+    """
+    for name in (*TEXTS, *MOMENTA):
+        if not isinstance(attributes.get(name), str):
+            refuse(path, f"its attribute {name} is {attributes.get(name)!r:.80}, not a text")
+    for name in MOMENTA:
+        if not set(attributes[name].split()) <= {*AXES, "none"}:
+            refuse(path, f"its attribute {name} is {attributes[name]!r:.80}; allowed are none, and {' '.join(AXES)}")
+
+
+def config_of(attributes: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Return the config that is recorded in a file.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    try:
+        config = tomllib.loads(attributes.get("config", ""))
+    except (TypeError, ValueError, RecursionError) as error:
+        refuse(path, f"its attribute config is not TOML ({error})")
+    for table in ("scene", "method"):
+        if not isinstance(config.get(table), dict) or not isinstance(config[table].get("name"), str):
+            refuse(path, f"its attribute config has no {table}.name")
+    size = config.get("step_size")
+    if isinstance(size, bool) or not isinstance(size, int | float) or not 0 < size < math.inf:
+        refuse(path, f"its attribute config says that step_size is {size!r:.80}, which is no finite number > 0")
+    if not isinstance(config.get("solvers"), dict):
+        refuse(path, "its attribute config has no table solvers")
+    return config
+
+
+def words_of(stored: Stored, name: str, path: Path) -> np.ndarray:
+    """Join the letters of words.
+
+    Raises
+    ------
+    InputError
+        If they are no words.
+    """
+    if stored.values.dtype != np.dtype("S1") or stored.values.ndim != 2:
+        refuse(path, f"{name} has the type {stored.values.dtype} and {stored.values.ndim} dimensions, not words")
+    letters = np.ascontiguousarray(stored.values)
+    joined = letters.view(f"S{max(letters.shape[1], 1)}").reshape(-1) if letters.size else np.zeros(len(letters), "S1")
+    try:
+        return np.array([word.decode() for word in joined.tolist()], dtype=str)
+    except UnicodeDecodeError:
+        refuse(path, f"{name} has bytes that are no letters")
+
+
+def _rows(contents: Contents, path: Path) -> int:
+    lengths = contents.sizes[TRAJECTORY].get("time", 0), contents.sizes[STATS].get("step", 0)
+    rows = _count(contents.root[COMMITTED], COMMITTED, lengths[0], "time", path)
+    if rows - 1 > lengths[1]:
+        refuse(path, f"{COMMITTED} is {rows}, and there are {lengths[1]} along step; at least {rows - 1} lead to them")
+    return rows
+
+
+def _count(stored: Stored, name: str, most: int, dimension: str, path: Path) -> int:
+    if stored.values.shape or stored.values.dtype.kind != "i":
+        refuse(path, f"{name} has the shape {stored.values.shape} and the type {stored.values.dtype}, not one integer")
+    count = int(stored.values)
+    if not 0 <= count <= most:
+        refuse(path, f"{name} is {count}, and there are {most} along {dimension}; allowed are 0 to as many")
+    return count
+
+
+def _sizes(contents: Contents, path: Path) -> dict[str, int]:
+    found = {name: contents.sizes[TRAJECTORY].get(name, 0) for name in ("dof", "axis")}
+    if not 1 <= found["axis"] <= len(AXES) or not found["dof"] or found["dof"] % found["axis"]:
+        refuse(path, f"it has {found['dof']} degrees of freedom in {found['axis']} dimensions")
+    return {**found, "subproblem": contents.sizes[STATS].get("subproblem", 0)}
+
+
+def _variable(contents: Contents, group: str, variable: Variable, sizes: dict[str, int], path: Path) -> VariableData:
+    name = f"{group}/{variable.name}"
+    if variable.name not in contents.groups[group]:
+        refuse(path, f"{name} is missing, or of a type that deli does not write")
+    stored = contents.groups[group][variable.name]
+    attributes = {key: value for key, value in stored.attributes.items() if key != ENCODING}
+    words = variable.dtype == "str"
+    dims = stored.dims[:-1] if words else stored.dims
+    if dims != variable.dims:
+        refuse(path, f"{name} has the dimensions {', '.join(dims) or '-'}, not {', '.join(variable.dims) or '-'}")
+    if words:
+        return dims, words_of(stored, name, path), attributes
+    if stored.values.dtype != np.dtype(variable.dtype):
+        refuse(path, f"{name} is of the type {stored.values.dtype}, not {np.dtype(variable.dtype)}")
+    length = sizes.get(dims[0], 0) if dims else 0
+    values = stored.values[:length] if dims else stored.values
+    shape = tuple(sizes.get(dim, 0) for dim in dims)
+    if values.shape != shape:
+        refuse(path, f"{name} has the shape {values.shape}, not {shape}")
+    return dims, values, attributes
+
+
+def _require_order(groups: Groups, path: Path) -> None:
+    time, step, status = groups[TRAJECTORY]["time"][1], groups[STATS]["step"][1], groups[STATS]["status"][1]
+    wrong = ~np.isfinite(time)
+    wrong[1:] |= time[1:] <= time[:-1]
+    if wrong.any():
+        row = int(wrong.argmax())
+        refuse(path, f"{TRAJECTORY}/time is {time[row]} in row {row}; times are finite, and each larger than the last")
+    if not np.array_equal(step, np.arange(len(step))):
+        refuse(path, f"{STATS}/step does not count from 0 to {len(step) - 1}")
+    if len(status) and not 0 <= status.min() <= status.max() < len(STATUS_MEANINGS):
+        refuse(path, f"{STATS}/status is {status.min()} to {status.max()}; allowed are 0 to {len(STATUS_MEANINGS) - 1}")
