@@ -1,17 +1,21 @@
 """Runs on disk: rows appended to ``<output>.partial``, the finished file appearing under its own name by rename."""
 
+import fcntl
 import os
+import shutil
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 from weakref import WeakValueDictionary
 
 import netCDF4
 import numpy as np
 
 from deli.errors import DeliError, InputError
+from deli.recording import rewriting
 from deli.recording.schema import POSED, STATS, TRAJECTORY, Block, Schema, Variable, coordinates
 from deli.recording.subproblems import COUNTED, places
 
@@ -45,7 +49,9 @@ class Writer:
 
     A commit writes the rows, syncs, writes their number, and syncs again: whatever kills the process, the rows that
     the number counts are whole. Subproblems are counted before the rows: those of steps beyond the last committed row
-    that a kill in between leaves are dropped when the file is continued.
+    that a kill in between leaves are dropped when the file is continued. What changes more of the file than numbers in
+    their places is done to a file of another name, which then takes the place of the first: laying it out, making room
+    in its trees of chunks, continuing it, closing it.
 
     Attributes
     ----------
@@ -55,11 +61,16 @@ class Writer:
         Where the committed subproblems end along each ragged dimension; empty where none are recorded.
     """
 
-    def __init__(self, path: Path, dataset: netCDF4.Dataset, rows: int, wall_time: float, ends: dict[str, int]) -> None:
+    def __init__(
+        self, path: Path, place: Path, dataset: netCDF4.Dataset, rows: int, wall_time: float, ends: dict[str, int]
+    ) -> None:
         self.path = path
         self.rows = rows
         self.ends = ends
-        self._dataset = dataset
+        self._dataset, self._place = dataset, place
+        self._replaced: BinaryIO | None = None
+        self._identity = _identity(place)
+        self._chunks = rewriting.chunk_lengths(dataset)
         self._earlier = wall_time
         self._started = time.perf_counter()
         self._key = path.resolve()
@@ -67,32 +78,32 @@ class Writer:
 
     @classmethod
     def create(cls, path: Path, schema: Schema, attributes: Mapping[str, Any]) -> "Writer":
-        """Start a file without rows; it appears under its name when it is whole."""
+        """Start a file; it appears under its name with its first rows."""
         _refuse_second(path)
-        fresh = path.with_name(f"{path.name}.new")
-        with LIBRARY:
-            try:
-                if path.exists():
-                    netCDF4.Dataset(path, "w").close()  # fails where another process holds the lock
-                dataset = netCDF4.Dataset(fresh, "w", format="NETCDF4")
-            except OSError as error:
-                raise Busy(f"{path} cannot be written ({error}); is another run writing it?") from error
+        fresh = path.with_name(f"{path.name}.{os.getpid()}.new")
+        with LIBRARY, _recording(path, "the file"):
+            replaced = _hold(path)
+            dataset = netCDF4.Dataset(fresh, "w", format="NETCDF4")
             _lay_out(dataset, schema, attributes)
-            dataset.close()
-            os.replace(fresh, path)
-            return cls.reopen(path)
+            rewriting.write_through(dataset)
+            ends = dict.fromkeys(("problem", *COUNTED), 0) if schema.subproblems else {}
+            writer = cls(path, fresh, dataset, 0, 0.0, ends)
+            writer._replaced = replaced
+            return writer
 
     @classmethod
     def reopen(cls, path: Path, steps: int = 0) -> "Writer":
         """Continue a file after its last committed row, to which the run has taken `steps` steps."""
         _refuse_second(path)
-        with LIBRARY:
+        with LIBRARY, _recording(path, "a copy to continue"):
             try:
                 dataset = netCDF4.Dataset(path, "a")
             except OSError as error:
                 raise Busy(f"{path} cannot be continued ({error}); is another run writing it?") from error
             ends = _ends(dataset, steps) if POSED in dataset.groups else {}
-            return cls(path, dataset, int(dataset[COMMITTED][...]), float(dataset[WALL_TIME][...]), ends)
+            writer = cls(path, path, dataset, int(dataset[COMMITTED][...]), float(dataset[WALL_TIME][...]), ends)
+            writer._rewrite(writer._chunks)
+            return writer
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -106,41 +117,101 @@ class Writer:
         return self._earlier + time.perf_counter() - self._started
 
     def write(self, first_row: int, trajectory: Block, stats: Block, problems: Block | None = None) -> None:
-        """Append rows, and subproblems, and commit them."""
-        try:
-            with LIBRARY:
-                self._append(TRAJECTORY, first_row, trajectory)
-                self._append(STATS, max(first_row - 1, 0), stats)
-                self._dataset[WALL_TIME][...] = self.wall_time
-                if problems is not None:
-                    self._append_problems(problems)
+        """Append rows, and subproblems, and commit them.
+
+        Raises
+        ------
+        RecordingError
+            If they cannot be written, or the file is no longer there.
+        """
+        rows = first_row + len(trajectory["time"])
+        with LIBRARY, _recording(self.path, f"rows from {first_row} on"):
+            self._require_own()
+            needed = {"time": rows, "step": rows - 1, **self._ends_with(problems)}
+            chunks = rewriting.longer(self._chunks, needed)
+            if chunks != self._chunks:
+                self._rewrite(chunks)
+            self._append(TRAJECTORY, first_row, trajectory)
+            self._append(STATS, max(first_row - 1, 0), stats)
+            self._dataset[WALL_TIME][...] = self.wall_time
+            if problems is not None:
+                self._append_problems(problems)
+            self._dataset.sync()
+            if problems is not None:
+                self._dataset[COMMITTED_PROBLEMS][...] = self.ends["problem"]
                 self._dataset.sync()
-                if problems is not None:
-                    self._dataset[COMMITTED_PROBLEMS][...] = self.ends["problem"]
-                    self._dataset.sync()
-                self.rows = first_row + len(trajectory["time"])
-                self._dataset[COMMITTED][...] = self.rows
-                self._dataset.sync()
-        except (OSError, RuntimeError) as error:
-            raise RecordingError(
-                f"rows from {first_row} on could not be written to {self.path} ({error}); rows before are safe. "
-                "Is the disk full?"
-            ) from error
+            self._dataset[COMMITTED][...] = rows
+            self._dataset.sync()
+            if self._place != self.path:
+                os.replace(self._place, self.path)
+                self._place = self.path
+                self._let_go()
+            self.rows = rows
 
     def close(self, attributes: Mapping[str, Any], rename: Path | None) -> Path:
-        """Write closing attributes, close, and give the file its final name if there is one; returns its path."""
-        with LIBRARY:
-            try:
-                self._dataset.setncatts(dict(attributes))
-            finally:
-                self._dataset.close()
-                _writers.pop(self._key, None)
-        if rename is None:
-            return self.path
-        with self.path.open("rb+") as file:
-            os.fsync(file.fileno())
-        os.replace(self.path, rename)
-        return rename
+        """Write closing attributes, close, and give the file its final name if there is one; returns its path.
+
+        Raises
+        ------
+        RecordingError
+            If that is not possible; the rows are in the partial file still.
+        """
+        with LIBRARY, _recording(self.path, "its end"):
+            self._require_own()
+            self._dataset.sync()
+            fresh = _beside(self.path)
+            shutil.copyfile(self.path, fresh)
+            with netCDF4.Dataset(fresh, "a") as dataset:
+                dataset.setncatts(dict(attributes))
+            with fresh.open("rb+") as file:
+                os.fsync(file.fileno())
+            os.replace(fresh, self.path)
+            self.abandon()
+            if rename is None:
+                return self.path
+            os.replace(self.path, rename)
+            return rename
+
+    def abandon(self) -> None:
+        """Let go of the file: what is committed stays."""
+        _writers.pop(self._key, None)
+        with LIBRARY, suppress(OSError, RuntimeError):  # what cannot be written was not committed, and has been told
+            self._dataset.close()
+        if self._place != self.path:
+            self._place.unlink(missing_ok=True)
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Let others have the file that this one has replaced, or would have."""
+        if self._replaced is not None:
+            self._replaced.close()
+
+    def _rewrite(self, chunks: dict[str, int]) -> None:
+        """Go on in a copy of what is committed, with chunks of these lengths."""
+        ends = {"time": self.rows, "step": max(self.rows - 1, 0), **self.ends}
+        fresh = _beside(self.path)
+        dataset = netCDF4.Dataset(fresh, "w", format="NETCDF4")
+        rewriting.copy(self._dataset, dataset, ends, chunks)
+        if self.ends:
+            dataset[COMMITTED_PROBLEMS][...] = self.ends["problem"]
+        dataset.sync()
+        os.replace(fresh, self.path)
+        before, self._dataset, self._chunks = self._dataset, dataset, chunks
+        self._place, self._identity = self.path, _identity(self.path)
+        before.close()
+
+    def _require_own(self) -> None:
+        """Refuse to go on with a file that nobody would find."""
+        if _identity(self._place) != self._identity:
+            raise OSError(f"{self._place.name} is another file now; is another run writing it?")
+
+    def _ends_with(self, problems: Block | None) -> dict[str, int]:
+        """Where subproblems end once these are appended."""
+        if problems is None:
+            return self.ends
+        added = {"problem": len(problems["rows"])}
+        added |= {name: int(problems[counts].sum()) for name, counts in COUNTED.items()}
+        return {name: end + added[name] for name, end in self.ends.items()}
 
     def _append_problems(self, block: Block) -> None:
         group = self._dataset[POSED]
@@ -151,8 +222,7 @@ class Writer:
             elif len(values):
                 begin = self.ends[variable.dimensions[0]]
                 variable[begin : begin + len(values)] = values
-        added = {"problem": len(block["rows"]), **{name: int(block[counts].sum()) for name, counts in COUNTED.items()}}
-        self.ends = {name: end + added[name] for name, end in self.ends.items()}
+        self.ends = self._ends_with(block)
 
     def _append(self, group: str, first: int, block: Block) -> None:
         for name, values in block.items():
@@ -171,6 +241,47 @@ def attributes_of(owner: netCDF4.Dataset | netCDF4.Variable) -> dict[str, Any]:
     """Attributes in Python's own types."""
     values = ((name, owner.getncattr(name)) for name in owner.ncattrs())
     return {name: value.item() if isinstance(value, np.generic) else value for name, value in values}
+
+
+@contextmanager
+def _recording(path: Path, what: str) -> Iterator[None]:
+    """Say what could not be written, and that what is committed is safe."""
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        raise RecordingError(
+            f"{path}: {what} could not be written ({error}); rows that were committed before are safe. "
+            "Is the disk full, or the folder gone? Mend it, and resume."
+        ) from error
+
+
+def _hold(path: Path) -> BinaryIO | None:
+    """Keep others from writing a file that is to be replaced, until what is returned is closed; None without a file.
+
+    Raises
+    ------
+    Busy
+        If somebody is writing it.
+    """
+    if not path.exists():
+        return None
+    file = path.open("rb+")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # as HDF5 does
+    except BlockingIOError as error:
+        file.close()
+        raise Busy(f"{path} cannot be written; is another run writing it?") from error
+    return file
+
+
+def _beside(path: Path) -> Path:
+    """Where the holder of a file prepares what is to take its place."""
+    return path.with_name(f"{path.name}.new")
+
+
+def _identity(path: Path) -> tuple[int, int]:
+    found = path.stat()
+    return found.st_dev, found.st_ino
 
 
 def _refuse_second(path: Path) -> None:

@@ -2,6 +2,8 @@
 
 import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +30,8 @@ class Interrupted(KeyboardInterrupt):
 class StopRequests:
     """While active, SIGINT and SIGTERM ask for a stop after the current step; a second signal stops at once.
 
+    What must not be left half done is not stopped by the second either, see `patience`.
+
     Signals reach Python's main thread only: in any other thread this does nothing.
 
     Attributes
@@ -38,6 +42,7 @@ class StopRequests:
 
     def __init__(self) -> None:
         self.reason: str | None = None
+        self._patient = 0
         self._previous: dict[int, Any] = {}
 
     def __enter__(self) -> "StopRequests":
@@ -50,7 +55,16 @@ class StopRequests:
             # None stands for a handler that was not installed by Python and cannot be put back.
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
+    @contextmanager
+    def patience(self) -> Iterator[None]:
+        """Let no signal stop what is done in here."""
+        self._patient += 1
+        try:
+            yield
+        finally:
+            self._patient -= 1
+
     def _handle(self, number: int, frame: FrameType | None) -> None:
-        if self.reason is not None:
+        asked_before, self.reason = self.reason is not None, self.reason or signal.Signals(number).name
+        if asked_before and not self._patient:
             raise KeyboardInterrupt
-        self.reason = signal.Signals(number).name

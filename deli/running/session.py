@@ -66,7 +66,22 @@ class Session:
     def run(self) -> xr.DataTree:
         """Take all steps that are left; see `deli.simulate` for how this can end."""
         try:
-            with StopRequests() as stop, self._bar:
+            with StopRequests() as stop:
+                outcome, run = self._go(stop)
+        except netcdf.RecordingError:
+            if self._writer is not None:
+                self._writer.abandon()
+            raise
+        if outcome.startswith(INTERRUPTED):
+            raise Interrupted(self._advice(outcome), run)
+        if outcome != COMPLETE:
+            logger.warning("%s: %s", self._attributes["title"], outcome)
+        return run
+
+    def _go(self, stop: StopRequests) -> tuple[str, xr.DataTree]:
+        """Take steps, and end; return how it ended, and the rows."""
+        try:
+            with self._bar:
                 outcome = self._advance(stop)
         except KeyboardInterrupt:
             outcome = f"{INTERRUPTED} after step {self._step}"
@@ -74,16 +89,13 @@ class Session:
             raise
         except Exception as error:
             outcome = self._failure(f"{type(error).__name__}: {error}")
-            with suppress(Exception):  # the function that raised may be the one that the row needs
-                self._record_last_good()
-            self._finish(outcome)
+            with stop.patience():
+                with suppress(Exception):  # the function that raised may be the one that the row needs
+                    self._record_last_good()
+                self._finish(outcome)
             raise
-        run = self._finish(outcome)
-        if outcome.startswith(INTERRUPTED):
-            raise Interrupted(self._advice(outcome), run)
-        if outcome != COMPLETE:
-            logger.warning("%s: %s", self._attributes["title"], outcome)
-        return run
+        with stop.patience():
+            return outcome, self._finish(outcome)
 
     def _open(self, path: Path, config: dict[str, Any]) -> tuple[netcdf.Writer, int]:
         if self._plan.resume and path.exists():
@@ -94,7 +106,11 @@ class Session:
                 self._require_same_functions(groups, path)
                 self._state = self._last_state(groups)
                 self._solves = int(groups[STATS]["solves"][1].sum())
-                return netcdf.Writer.reopen(path, self._plan.step_of(rows - 1)), rows
+                writer = netcdf.Writer.reopen(path, self._plan.step_of(rows - 1))
+                if writer.rows != rows:
+                    writer.abandon()
+                    raise netcdf.Busy(f"{path} has just been written by another run.")
+                return writer, rows
         return netcdf.Writer.create(path, self._schema, self._attributes), 0
 
     def _last_state(self, groups: Groups) -> tuple[np.ndarray, ...]:
@@ -136,14 +152,15 @@ class Session:
             if error is not None:
                 self._record_last_good()
                 return self._failure(str(error))
-            self._look_up()
+            self._look_up(stop)
         return COMPLETE
 
-    def _look_up(self) -> None:
+    def _look_up(self, stop: StopRequests) -> None:
         waited = time.perf_counter() - self._flushed
         enough = self._recorder.buffered >= BLOCK_ROWS and waited > FLUSH_SECONDS
         if self._recorder.full or (self._writer is not None and (enough or waited > PATIENCE_SECONDS)):
-            self._recorder.flush()
+            with stop.patience():
+                self._recorder.flush()
             self._flushed = time.perf_counter()
         if self._report is not None:
             self._report(self._step)

@@ -1,0 +1,79 @@
+"""Files whose structure does not change under their rows: how chunks grow, and a copy that has room for more.
+
+HDF5 finds the chunks of a variable through a tree. Whatever kills a process, a file can be read as long as each change
+of a tree is one write, which holds up to 64 chunks; a larger tree is split by several writes, and between them nothing
+is found any more. So where a variable needs more chunks, or its file was cut off in the middle of a commit, the rows go
+to another file with longer chunks, which takes the place of the first when it is whole.
+"""
+
+from collections.abc import Mapping
+
+import netCDF4
+
+MOST_CHUNKS = 64
+GROWTH = 8
+
+
+def chunk_lengths(dataset: netCDF4.Dataset) -> dict[str, int]:
+    """Lengths of chunks, by dimension that grows."""
+    found = {}
+    for group in dataset.groups.values():
+        for variable in group.variables.values():
+            if _grows(group, variable):
+                found[variable.dimensions[0]] = variable.chunking()[0]
+    return found
+
+
+def longer(lengths: Mapping[str, int], needed: Mapping[str, int]) -> dict[str, int]:
+    """Lengths of chunks with which no dimension needs more of them than a tree holds."""
+    found = dict(lengths)
+    for dimension, places in needed.items():
+        while places > MOST_CHUNKS * found[dimension]:
+            found[dimension] *= GROWTH
+    return found
+
+
+def write_through(dataset: netCDF4.Dataset) -> None:
+    """Write rows straight to the file, where chunks in memory would be written as a whole each time."""
+    dataset.sync()  # what caches there are is settled when variables are written for the first time
+    for group in dataset.groups.values():
+        for variable in group.variables.values():
+            if _grows(group, variable):
+                variable.set_var_chunk_cache(size=0)
+
+
+def copy(source: netCDF4.Dataset, target: netCDF4.Dataset, ends: Mapping[str, int], chunks: Mapping[str, int]) -> None:
+    """Copy a file, of dimensions that grow as much as `ends` says, into chunks of the lengths given."""
+    target.setncatts({name: source.getncattr(name) for name in source.ncattrs()})
+    pairs = [(source, target)]
+    for name, group in source.groups.items():
+        pairs.append((group, target.createGroup(name)))
+        pairs[-1][1].setncatts({key: group.getncattr(key) for key in group.ncattrs()})
+    copied = []
+    for here, there in pairs:
+        for name, dimension in here.dimensions.items():
+            there.createDimension(name, None if dimension.isunlimited() else len(dimension))
+        for name, variable in here.variables.items():
+            grows = _grows(here, variable)
+            sizes = [chunks[variable.dimensions[0]], *variable.chunking()[1:]] if grows else None
+            created = there.createVariable(
+                name, variable.dtype, variable.dimensions, fill_value=False, chunksizes=sizes
+            )
+            created.setncatts({key: variable.getncattr(key) for key in variable.ncattrs()})
+            copied.append((variable, created, grows))
+    write_through(target)
+    for variable, created, grows in copied:
+        variable.set_auto_maskandscale(False)
+        variable.set_auto_chartostring(False)
+        created.set_auto_maskandscale(False)
+        created.set_auto_chartostring(False)
+        if not grows:
+            created[...] = variable[...]
+            continue
+        end, length = ends[variable.dimensions[0]], MOST_CHUNKS * variable.chunking()[0]
+        for begin in range(0, end, length):
+            created[begin : min(begin + length, end)] = variable[begin : min(begin + length, end)]
+
+
+def _grows(group: netCDF4.Dataset | netCDF4.Group, variable: netCDF4.Variable) -> bool:
+    return bool(variable.dimensions) and group.dimensions[variable.dimensions[0]].isunlimited()
