@@ -1,6 +1,7 @@
 """Runs on disk: rows appended to ``<output>.partial``, the finished file appearing under its own name by rename."""
 
 import fcntl
+import glob
 import os
 import shutil
 import threading
@@ -83,6 +84,7 @@ class Writer:
         fresh = path.with_name(f"{path.name}.{os.getpid()}.new")
         with LIBRARY, _recording(path, "the file"):
             replaced = _hold(path)
+            _sweep(path)
             dataset = netCDF4.Dataset(fresh, "w", format="NETCDF4")
             _lay_out(dataset, schema, attributes)
             rewriting.write_through(dataset)
@@ -272,6 +274,16 @@ def _hold(path: Path) -> BinaryIO | None:
         file.close()
         raise Busy(f"{path} cannot be written; is another run writing it?") from error
     return file
+
+
+def _sweep(path: Path) -> None:
+    """Remove what processes that were killed have left of files that they had just begun."""
+    for left in path.parent.glob(f"{glob.escape(path.name)}.*.new"):
+        with suppress(Busy, FileNotFoundError):
+            held = _hold(left)
+            left.unlink()
+            if held is not None:
+                held.close()
 
 
 def _beside(path: Path) -> Path:

@@ -39,7 +39,7 @@ class Session:
 
     def __init__(self, plan: Plan, config: dict[str, Any], progress: bool | Callable[[int], None]) -> None:
         self._plan = plan
-        self._report = None if isinstance(progress, bool) else progress
+        self._report, self._shown = None if isinstance(progress, bool) else progress, progress is True
         self._began = time.perf_counter()
         self._stepper = plan.stepper()
         self._attributes = provenance.attributes(config, plan.scene)
@@ -50,6 +50,15 @@ class Session:
         self._solves = 0
         if plan.output is not None:
             self._writer, first_row = self._open(partial_path(plan.output), config)
+        try:
+            self._begin(first_row)
+        except BaseException:
+            self._abandon()
+            raise
+
+    def _begin(self, first_row: int) -> None:
+        """Put the stepper in its state, and record that if it is the initial one."""
+        plan = self._plan
         collector = self._collect() if plan.subproblems else None
         self._recorder = Recorder(
             plan.scene, plan.step_size, self._writer or self._memory, first_row, plan.memory, collector
@@ -60,7 +69,7 @@ class Session:
             self._stepper.record(self._recorder.block)
             self._recorder.flush()
         self._progress[0] = plan.step_of(self._recorder.rows - 1)
-        self._bar = ProgressBar(plan.scene.name, plan.steps, self._step, progress is True)
+        self._bar = ProgressBar(plan.scene.name, plan.steps, self._step, self._shown)
         self._flushed = time.perf_counter()
 
     def run(self) -> xr.DataTree:
@@ -69,8 +78,7 @@ class Session:
             with StopRequests() as stop:
                 outcome, run = self._go(stop)
         except netcdf.RecordingError:
-            if self._writer is not None:
-                self._writer.abandon()
+            self._abandon()
             raise
         if outcome.startswith(INTERRUPTED):
             raise Interrupted(self._advice(outcome), run)
@@ -176,6 +184,10 @@ class Session:
     def _failure(self, why: str) -> str:
         begin = self._step * self._plan.step_size
         return f"{FAILED} in step {self._step + 1} (from time {begin:.9g}): {why}"
+
+    def _abandon(self) -> None:
+        if self._writer is not None:
+            self._writer.abandon()
 
     def _finish(self, outcome: str) -> xr.DataTree:
         self._recorder.flush(last=not outcome.startswith(INTERRUPTED))
