@@ -55,5 +55,8 @@ def guarded(command: Callable[Parameters, Result]) -> Callable[Parameters, Resul
         except DeliError as error:
             complain(error)
             raise typer.Exit(RUN_FAILED) from error
+        except KeyboardInterrupt as error:  # before a run began, or after it
+            complain(str(error) or "stopped by SIGINT.")
+            raise typer.Exit(RUN_FAILED) from error
 
     return wrapped

@@ -1,6 +1,7 @@
 """Runs on disk: rows appended to ``<output>.partial``, the finished file appearing under its own name by rename."""
 
 import fcntl
+import glob
 import os
 import shutil
 import time
@@ -87,6 +88,7 @@ class Writer:
         self._place = path.with_name(f"{path.name}.{os.getpid()}.new")
         with LIBRARY, _recording(path, "the file"):
             self._replaced = _hold(path, found.identity if found else None)
+            _sweep(path)
             self._dataset = _fresh(self._place)
             self._identity = _which(self._place)
             _writers[self._key] = self
@@ -246,7 +248,7 @@ def _recording(path: Path, what: str) -> Iterator[None]:
         ) from error
 
 
-def _hold(path: Path, identity: tuple[int, int, int] | None) -> BinaryIO | None:
+def _hold(path: Path, identity: tuple[int, int, int] | None = None) -> BinaryIO | None:
     """Keep others from a file that is to be replaced, until what is returned is closed; None without a file.
 
     Raises
@@ -268,6 +270,16 @@ def _hold(path: Path, identity: tuple[int, int, int] | None) -> BinaryIO | None:
         file.close()
         raise Busy(f"{path} has just been written by another run.")
     return file
+
+
+def _sweep(path: Path) -> None:
+    """Remove what processes that were killed have left of files that they had just begun."""
+    for left in path.parent.glob(f"{glob.escape(path.name)}.*.new"):
+        with suppress(Busy, FileNotFoundError):
+            held = _hold(left)
+            left.unlink()
+            if held is not None:
+                held.close()
 
 
 def _beside(path: Path) -> Path:

@@ -5,6 +5,8 @@ import math
 import signal
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +35,8 @@ class Interrupted(KeyboardInterrupt):
 class StopRequests:
     """While active, SIGINT and SIGTERM ask for a stop after the current step; a second signal stops at once.
 
+    What must not be left half done is not stopped by the second either, see `undisturbed`.
+
     Signals reach Python's main thread only: in any other thread this does nothing. What Python runs can be stopped in
     the middle, and so can its sleep; what a library in C does cannot, not even by the second signal.
 
@@ -45,13 +49,11 @@ class StopRequests:
     ----------
     reason : str or None
         Name of the signal that asked, or None.
-    breakable : bool
-        Whether a second signal stops at once. While it is false, one does nothing.
     """
 
     def __init__(self, patience: float = math.inf) -> None:
         self.reason: str | None = None
-        self.breakable = True
+        self._disturbing = True
         self._patience, self._over, self._lock = patience, False, threading.Lock()
         self._previous: dict[int, Any] = {}
 
@@ -68,12 +70,21 @@ class StopRequests:
             # None stands for a handler that was not installed by Python and cannot be put back.
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
+    @contextmanager
+    def undisturbed(self) -> Iterator[None]:
+        """Let no signal stop what is done in here."""
+        before, self._disturbing = self._disturbing, False
+        try:
+            yield
+        finally:
+            self._disturbing = before
+
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if self.reason is None:
             self.reason = signal.Signals(number).name
             if self._patience < math.inf:
                 _thread.start_new_thread(self._lose_patience, (number,))  # takes no lock that this thread may hold
-        elif self.breakable and not self._over:
+        elif self._disturbing and not self._over:
             raise KeyboardInterrupt
 
     def _lose_patience(self, number: int) -> None:

@@ -41,7 +41,7 @@ class Session:
 
     def __init__(self, plan: Plan, config: dict[str, Any], progress: bool | Callable[[int], None]) -> None:
         self._plan = plan
-        self._report = None if isinstance(progress, bool) else progress
+        self._report, self._shown = None if isinstance(progress, bool) else progress, progress is True
         self._began = time.perf_counter()
         self._stepper = plan.stepper()
         self._attributes = provenance.attributes(config, plan.scene)
@@ -52,6 +52,15 @@ class Session:
         self._solves = 0
         if plan.output is not None:
             self._writer, first_row = self._open(partial_path(plan.output), config)
+        try:
+            self._begin(first_row)
+        except BaseException:
+            self._abandon()
+            raise
+
+    def _begin(self, first_row: int) -> None:
+        """Put the stepper in its state, and record that if it is the initial one."""
+        plan = self._plan
         collector = self._collect() if plan.subproblems else None
         self._recorder = Recorder(
             plan.scene, plan.step_size, self._writer or self._memory, first_row, plan.memory, collector
@@ -62,14 +71,28 @@ class Session:
             self._stepper.record(self._recorder.block)
             self._recorder.flush()
         self._progress[0] = plan.step_of(self._recorder.rows - 1)
-        self._bar = ProgressBar(plan.scene.name, plan.steps, self._step, progress is True)
+        self._bar = ProgressBar(plan.scene.name, plan.steps, self._step, self._shown)
         self._flushed = time.perf_counter()
 
     def run(self) -> xr.DataTree:
         """Take all steps that are left; see `deli.simulate` for how this can end."""
         stop = StopRequests(STEP_SECONDS)
         try:
-            with stop, self._bar:
+            with stop:
+                outcome, run = self._go(stop)
+        except netcdf.RecordingError:
+            self._abandon()
+            raise
+        if outcome.startswith(INTERRUPTED):
+            raise Interrupted(self._advice(outcome), run)
+        if outcome != COMPLETE:
+            logger.warning("%s: %s", self._attributes["title"], outcome)
+        return run
+
+    def _go(self, stop: StopRequests) -> tuple[str, xr.DataTree]:
+        """Take steps, and end; return how it ended, and the rows."""
+        try:
+            with self._bar:
                 outcome = self._advance(stop)
         except KeyboardInterrupt:
             by = f" by {stop.reason}" if stop.reason else ""
@@ -78,16 +101,13 @@ class Session:
             raise
         except BaseException as error:  # an exit and a panic in Rust are no Exception
             outcome = self._failure(f"{type(error).__name__}: {error}")
-            with suppress(Exception):  # the function that raised may be the one that the row needs
-                self._record_last_good()
-            self._finish(outcome)
+            with stop.undisturbed():
+                with suppress(Exception):  # the function that raised may be the one that the row needs
+                    self._record_last_good()
+                self._finish(outcome)
             raise
-        run = self._finish(outcome)
-        if outcome.startswith(INTERRUPTED):
-            raise Interrupted(self._advice(outcome), run)
-        if outcome != COMPLETE:
-            logger.warning("%s: %s", self._attributes["title"], outcome)
-        return run
+        with stop.undisturbed():
+            return outcome, self._finish(outcome)
 
     def _open(self, path: Path, config: dict[str, Any]) -> tuple[netcdf.Writer, int]:
         if self._plan.resume and path.exists():
@@ -146,13 +166,12 @@ class Session:
         while self._step < plan.steps:
             if stop.reason is not None:
                 return f"{INTERRUPTED} by {stop.reason} after step {self._step}"
-            stop.breakable = True
             error = self._stepper.advance(block, plan.steps, plan.every, time.monotonic() + REFRESH_SECONDS)
-            stop.breakable = False  # rows are written whole
-            if error is not None:
-                self._record_last_good()
-                return self._failure(str(error))
-            self._look_up()
+            with stop.undisturbed():  # rows are written whole
+                if error is not None:
+                    self._record_last_good()
+                    return self._failure(str(error))
+                self._look_up()
         return COMPLETE
 
     def _look_up(self) -> None:
@@ -175,6 +194,10 @@ class Session:
     def _failure(self, why: str) -> str:
         begin = self._step * self._plan.step_size
         return f"{FAILED} in step {self._step + 1} (from time {begin:.9g}): {why}"
+
+    def _abandon(self) -> None:
+        if self._writer is not None:
+            self._writer.abandon()
 
     def _finish(self, outcome: str) -> xr.DataTree:
         self._recorder.flush(last=not outcome.startswith(INTERRUPTED))

@@ -2,10 +2,12 @@
 
 import json
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from deli.errors import InputError
+from deli.recording.netcdf import RecordingError
 
 MANIFEST, CASES = "manifest.json", "cases"
 
@@ -26,13 +28,24 @@ def metrics_path(run: Path) -> Path:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a file that is there as a whole or not at all."""
+    """Write a file that is there as a whole or not at all.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be written; what was there before is there still.
+    """
     fresh = path.with_name(f"{path.name}.{os.getpid()}.new")
-    with fresh.open("w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(fresh, path)
+    try:
+        with fresh.open("w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(fresh, path)
+    except OSError as error:
+        with suppress(OSError):
+            fresh.unlink(missing_ok=True)
+        raise RecordingError(f"{path} could not be written ({error}). Is the disk full, or the folder gone?") from error
 
 
 def read_json(path: Path) -> Any:

@@ -131,7 +131,7 @@ def run_study(
         (folder / CASES).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder} cannot be made: {error.strerror or error}.") from error
-    with _only_here(folder), StopRequests() as stop:  # from here on nobody else changes what is decided upon
+    with _only_here(folder), StopRequests() as stop, stop.undisturbed():  # nobody else changes what is decided upon
         decisions = plan_study(study, folder, retry_failed=retry_failed)
         todo = [decision for decision in decisions if decision.action != KEEP]
         scheduler = _scheduler(study, workers, address, len(todo))
@@ -226,8 +226,14 @@ def _scheduler(study: Study, workers: int | None, address: str | None, todo: int
 
 @contextmanager
 def _only_here(folder: Path) -> Iterator[None]:
+    lock = FileLock(folder / LOCK, timeout=0)
     try:
-        with FileLock(folder / LOCK, timeout=0):
-            yield
+        lock.acquire()
     except Timeout as error:
         raise InputError(f"{folder} is being written by another deli study; wait, or name another.") from error
+    except OSError as error:
+        raise InputError(f"{folder} cannot be written: {error.strerror or error}.") from error
+    try:
+        yield
+    finally:
+        lock.release()

@@ -81,6 +81,7 @@ def _prepare() -> None:
 
 def _carry_out(order: Order, answers: TextIO) -> dict[str, Any]:
     """Run a case and measure it; return how it ended."""
+    from deli.recording.netcdf import RecordingError
     from deli.running.interrupts import Interrupted
     from deli.studies.states import DONE, FAILED, INTERRUPTED, OUT_OF_MEMORY
 
@@ -98,6 +99,8 @@ def _carry_out(order: Order, answers: TextIO) -> dict[str, Any]:
         attributes = _run(order, report)
     except Interrupted as stopped:
         return {"state": INTERRUPTED, "reason": stopped.run.attrs["outcome"]}
+    except RecordingError as error:  # no fault of the case: it goes on from its last committed row
+        return {"state": INTERRUPTED, "reason": str(error)}
     except MemoryError as error:
         return {"state": OUT_OF_MEMORY, "reason": str(error) or "the system refused more memory"}
     except Exception as error:  # whatever it is, it is this case's end and no other's
