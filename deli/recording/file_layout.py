@@ -9,7 +9,6 @@ import numpy as np
 
 from deli.recording.contents import COMMITTED, COMMITTED_PROBLEMS, ENCODING, WALL_TIME
 from deli.recording.schema import POSED, STATS, TRAJECTORY, Schema, coordinates
-from deli.recording.subproblems import COUNTED
 from deli.recording.variable import Variable
 
 CHUNK_ROWS, CHUNK_PLACES, CHUNK_BYTES = 256, 4096, 1_000_000
@@ -17,7 +16,7 @@ CHUNK_ROWS, CHUNK_PLACES, CHUNK_BYTES = 256, 4096, 1_000_000
 
 def first_chunks(schema: Schema) -> dict[str, int]:
     """Lengths of chunks, by dimension that grows: short ones where rows are wide, for whole chunks are stored."""
-    lengths = {}
+    lengths: dict[str, int] = {}
     for group, usual in ((TRAJECTORY, CHUNK_ROWS), (STATS, CHUNK_ROWS), (POSED, CHUNK_PLACES)):
         for variable in schema.groups.get(group, ()):
             if variable.grows:

@@ -14,16 +14,6 @@ MOST_CHUNKS = 64
 GROWTH = 8
 
 
-def chunk_lengths(dataset: netCDF4.Dataset) -> dict[str, int]:
-    """Lengths of chunks, by dimension that grows."""
-    found = {}
-    for group in dataset.groups.values():
-        for variable in group.variables.values():
-            if _grows(group, variable):
-                found[variable.dimensions[0]] = variable.chunking()[0]
-    return found
-
-
 def longer(lengths: Mapping[str, int], needed: Mapping[str, int]) -> dict[str, int]:
     """Lengths of chunks with which no dimension needs more of them than a tree holds."""
     found = dict(lengths)
@@ -70,7 +60,7 @@ def copy(source: netCDF4.Dataset, target: netCDF4.Dataset, ends: Mapping[str, in
         if not grows:
             created[...] = variable[...]
             continue
-        end, length = ends[variable.dimensions[0]], MOST_CHUNKS * variable.chunking()[0]
+        end, length = ends[variable.dimensions[0]], MOST_CHUNKS * int(variable.chunking()[0])
         for begin in range(0, end, length):
             created[begin : min(begin + length, end)] = variable[begin : min(begin + length, end)]
 

@@ -1,4 +1,4 @@
-"""What landings and reflections do to the energy that smooth steps keep, with the forward predictor and the closed loop.
+"""What landings and reflections do to the energy that smooth steps keep, with either predictor.
 
 python studies/closed_loop/shadow_energies.py [--members 12]
 
@@ -52,9 +52,7 @@ def main():
     parser.add_argument("--members", type=int, default=12, help="variants of each scene")
     members = parser.parse_args().members
     table = Table("scene", "E", "predictor", "worst violation", "wander", "widest", "rms gain")
-    cases = [
-        (case, energy, predictor) for case in scenes(members) for energy in ENERGIES for predictor in PREDICTORS
-    ]
+    cases = [(case, energy, predictor) for case in scenes(members) for energy in ENERGIES for predictor in PREDICTORS]
     for (name, variants, step_size, duration, scheme), energy, predictor in track(cases, console=Console(stderr=True)):
         method = deli.GVI(scheme, energy=energy, predictor=predictor)
         wander, gain, violation = np.array([measure(scene, method, step_size, duration) for scene in variants]).T
