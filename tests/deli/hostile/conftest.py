@@ -6,7 +6,7 @@ import pytest
 from hostile_process import Victim
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def victim(tmp_path_factory):
     """A process that carries out command lines, with a limit on its memory."""
     if not sys.platform.startswith("linux"):

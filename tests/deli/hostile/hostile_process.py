@@ -19,13 +19,17 @@ CASE_SECONDS = 600.0
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a command: exit status, what it printed, the traceback of what it raised, memory at its peak."""
+    """What became of a command: exit status, what it printed, the traceback of what it raised, memory at its peak.
 
-    status: int
-    output: str
-    errors: str
-    fault: str
-    grown: int
+    `events` are what Python told of it, as audit hooks are told, where that was asked for.
+    """
+
+    status: int = 0
+    output: str = ""
+    errors: str = ""
+    fault: str = ""
+    grown: int = 0
+    events: tuple[tuple[str, str], ...] = ()
 
 
 class Victim:
@@ -43,9 +47,9 @@ class Victim:
         self._reader.start()
         assert self._next(START_SECONDS) == {"ready": True}
 
-    def run(self, folder: Path, *arguments: object) -> Outcome:
-        """Run `deli` with arguments in a folder."""
-        order = {"folder": str(folder), "arguments": [str(argument) for argument in arguments]}
+    def run(self, folder: Path, *arguments: object, watched: bool = False) -> Outcome:
+        """Run `deli` with arguments in a folder, or what the child acts out on purpose."""
+        order = {"folder": str(folder), "arguments": [str(argument) for argument in arguments], "watched": watched}
         self._process.stdin.write(json.dumps(order) + "\n")
         self._process.stdin.flush()
         return Outcome(**self._next(CASE_SECONDS))
