@@ -17,6 +17,7 @@ def advanced(scene: deli.Scene, method: object, case: Case, every: int, solvers:
     """Rows of a run, taken in portions: two of one step, which a deadline that has passed allows, and the rest."""
     stepper = method.stepper(scene, case.step_size, solvers=solvers)
     block = make_block(case.steps + 1, scene.dof, scene.dimension)
+    block.fields.diagnostics[...] = np.nan  # what a block held before does not show
     stepper.place(scene.position, scene.momentum)
     stepper.record(block)
     for taken, deadline in ((1, 0.0), (2, 0.0), (case.steps, np.inf)):

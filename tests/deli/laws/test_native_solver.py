@@ -100,3 +100,28 @@ def test_the_runs_meet_contacts() -> None:
     assert sum(known.reflected.sum() > 0 for known in runs) >= 8
     assert sum(known.smooth.sum() > 0 for known in runs) >= 5
     assert max(known.reflected.max() for known in runs) >= 3
+
+
+COUNTS = ("solves", "skipped", "iterations", "rows", "fallbacks", "claimed", "verified", "status")
+MEASURED = ("primal_residual", "dual_residual", "complementarity")
+
+
+@EVERY_CASE
+def test_compiled_solves_are_counted_as_those_of_a_backend(case: Case) -> None:
+    scene, method = case.build(), deli.GVI(scheme=case.scheme)
+    compiled, adapted = (method.stepper(scene, case.step_size, solvers=name) for name in ("native", "both"))
+    state, total = (scene.position, scene.momentum), 0
+    for _ in range(case.steps // 2):
+        for stepper in (compiled, adapted):
+            stepper.stats.reset()
+            after = stepper.step(*state)
+        for name in COUNTS:
+            found, expected = (getattr(stepper.stats, name) for stepper in (compiled, adapted))
+            np.testing.assert_array_equal(found, expected, err_msg=name)
+        for name in MEASURED:
+            found, expected = (getattr(stepper.stats, name) for stepper in (compiled, adapted))
+            np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12, err_msg=name)
+        total += compiled.stats.solves.sum()
+        state = after
+    assert compiled.stats.native_solves == total
+    assert adapted.stats.native_solves == 0

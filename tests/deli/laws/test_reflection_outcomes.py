@@ -37,6 +37,22 @@ def row_of_balls(momentum: list[float]) -> deli.Scene:
     )
 
 
+def test_what_comes_back_in_a_later_step_is_no_cycle() -> None:
+    """A ball between two walls has, after each bounce, the momentum that it had before the one before."""
+    scene = deli.Scene(
+        mass=1.0,
+        position=[0.5],
+        momentum=[1.0],
+        unilateral=deli.Planes(normals=[[1.0], [-1.0]], offsets=[0.0, -1.0], bodies=[0, 0]),
+        dimension=1,
+    )
+    for operator in ("generalized", "moreau", "sequential"):
+        run = deli.simulate(scene, deli.GVI(reflection=operator), step_size=0.1, steps=100)
+        momentum = run["trajectory/momentum"].values.ravel()
+        assert set(momentum) == {-1.0, 1.0}
+        assert np.count_nonzero(np.diff(momentum)) >= 8
+
+
 @SKIP
 @BACKEND
 @pytest.mark.parametrize("balls", [3, 5])
