@@ -42,8 +42,8 @@ def test_definition(sizes, parametric, storage):
 
         violated = np.where(inequality, np.maximum(-slack, 0), slack)
         primal = largest(violated) / (1 + largest(A @ x, u))
-        pull = largest(np.minimum(y[inequality], 0)) / (1 + largest(y))
-        dual = max(largest(P @ x + q + A.T @ y) / (1 + largest(P @ x, q, A.T @ y)), pull)
+        pull = largest(np.minimum(y[inequality], 0)[:, np.newaxis] * A[inequality])
+        dual = max(largest(P @ x + q + A.T @ y), pull) / (1 + largest(P @ x, q, A.T @ y))
         products = largest((y * slack)[inequality]) / (1 + max(abs(x @ P @ x), abs(q @ x)))
         assert residuals.primal == pytest.approx(primal, rel=1e-12)
         assert residuals.dual == pytest.approx(dual, rel=1e-12)
