@@ -80,7 +80,8 @@ def simulate_ensemble(
         If an argument is not allowed, or the rows need more memory than there is. Nothing has been computed then.
     Interrupted
         On SIGINT or SIGTERM (a KeyboardInterrupt). Its `run` holds what has been computed, and so does `output`;
-        members that had not ended have an outcome that says so.
+        members that had not ended have an outcome that says so. One whose step has not ended five seconds later, or
+        at a second signal, is left to itself.
     """
     began, members = time.perf_counter(), _check_scenes(scenes)
     arguments = {"step_size": step_size, "steps": steps, "duration": duration, "solvers": solvers, "every": every}

@@ -87,8 +87,11 @@ def simulate(
     InputError
         If an argument is not allowed. Nothing has been computed or written then.
     Interrupted
-        On SIGINT or SIGTERM (a KeyboardInterrupt), after the rows have been written. The file stays
-        ``<output>.partial``, to be resumed; the exception's `run` holds the rows.
+        On SIGINT or SIGTERM (a KeyboardInterrupt), after the step and after the rows have been written. A step that
+        has not ended five seconds later is broken off, and so it is by a second signal. The file stays
+        ``<output>.partial``, to be resumed; the exception's `run` holds the rows. A call of a library in C that does
+        not return cannot be broken off: SIGQUIT or SIGKILL end the process then, and the rows committed
+        before are in ``<output>.partial``.
     """
     plan = make_plan(
         scene,

@@ -13,6 +13,7 @@ def dense_residuals(
     """Primal, dual, complementarity, natural residual (`solvers.residuals.Residuals`) with matrices stored dense."""
     n, rows = q.size, u.size
     Px, Ax, Aty = np.zeros(n), np.empty(rows), np.zeros(n)
+    pull = 0.0
     for i in range(n):
         for j in range(n):
             Px[j] += P[i, j] * x[i]  # P is symmetric, and adding rows of it needs no reduction
@@ -23,7 +24,9 @@ def dense_residuals(
         Ax[i] = reached
         for j in range(n):
             Aty[j] += A[i, j] * y[i]
-    return _scaled(Px, Ax, Aty, q, u, equalities, x, y)
+            if i >= equalities:
+                pull = max(pull, -y[i] * abs(A[i, j]))
+    return _scaled(Px, Ax, Aty, pull, q, u, equalities, x, y)
 
 
 @njit(cache=True)
@@ -43,13 +46,16 @@ def sparse_residuals(
     """The same with matrices stored by compressed columns."""
     n, rows = q.size, u.size
     Px, Ax, Aty = np.zeros(n), np.zeros(rows), np.zeros(n)
+    pull = 0.0
     for j in range(n):
         for k in range(P_start[j], P_start[j + 1]):
             Px[P_row[k]] += P_value[k] * x[j]
         for k in range(A_start[j], A_start[j + 1]):
             Ax[A_row[k]] += A_value[k] * x[j]
             Aty[j] += A_value[k] * y[A_row[k]]
-    return _scaled(Px, Ax, Aty, q, u, equalities, x, y)
+            if A_row[k] >= equalities:
+                pull = max(pull, -y[A_row[k]] * abs(A_value[k]))
+    return _scaled(Px, Ax, Aty, pull, q, u, equalities, x, y)
 
 
 @njit(cache=True)
@@ -57,6 +63,7 @@ def _scaled(
     Px: np.ndarray,
     Ax: np.ndarray,
     Aty: np.ndarray,
+    pull: float,
     q: np.ndarray,
     u: np.ndarray,
     equalities: int,
@@ -72,23 +79,21 @@ def _scaled(
         force = max(force, abs(Px[j]), abs(q[j]), abs(Aty[j]))
         curvature += x[j] * Px[j]
         slope += x[j] * q[j]
-    violated = reach = negative = largest = product = apart = 0.0
+    violated = reach = product = apart = 0.0
     for i in range(u.size):
         excess = Ax[i] - u[i]
         total += abs(excess) + abs(y[i])
         reach = max(reach, abs(Ax[i]), abs(u[i]))
-        largest = max(largest, abs(y[i]))
         if i < equalities:
             violated = max(violated, abs(excess))
             apart = max(apart, abs(excess))
         else:
             violated = max(violated, excess)
-            negative = max(negative, -y[i])
             product = max(product, abs(y[i] * excess))
             apart = max(apart, abs(min(y[i], -excess)))
     if not math.isfinite(total + product):
         return math.nan, math.nan, math.nan, math.nan
     stationarity = unbalanced / (1.0 + force)
-    dual = max(stationarity, negative / (1.0 + largest))
+    dual = max(stationarity, pull / (1.0 + force))
     complementarity = product / (1.0 + max(abs(curvature), abs(slope)))
     return violated / (1.0 + reach), dual, complementarity, max(stationarity, apart / (1.0 + reach))

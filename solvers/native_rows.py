@@ -86,22 +86,22 @@ def residuals(
     pull = np.empty(wish.size)
     for j in range(wish.size):
         pull[j] = 0.0
-    violated = reach = negative = largest = product = 0.0
+    violated = reach = negative = product = 0.0
     total = 0.0  # finite exactly if all terms are
     for i in range(bounds.size):
-        reached = 0.0
+        reached = largest = 0.0
         for k in range(start[i], start[i + 1]):
             reached += value[k] * z[column[k]]
             pull[column[k]] += value[k] * y[i]
+            largest = max(largest, abs(value[k]))
         gap = bounds[i] - reached
         total += abs(gap) + abs(y[i])
         reach = max(reach, abs(reached), abs(bounds[i]))
-        largest = max(largest, abs(y[i]))
         if i < equalities:
             violated = max(violated, abs(gap))
         else:
             violated = max(violated, gap)
-            negative = max(negative, -y[i])
+            negative = max(negative, -y[i] * largest)
             product = max(product, abs(y[i] * gap))
     unbalanced = force = curvature = slope = 0.0
     for j in range(wish.size):
@@ -113,5 +113,5 @@ def residuals(
         slope += z[j] * wish[j]
     if not math.isfinite(total + product):
         return math.nan, math.nan, math.nan
-    dual = max(unbalanced / (1.0 + force), negative / (1.0 + largest))
+    dual = max(unbalanced, negative) / (1.0 + force)
     return violated / (1.0 + reach), dual, product / (1.0 + max(curvature, abs(slope)))

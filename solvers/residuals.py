@@ -19,13 +19,14 @@ class Residuals:
 
         \text{primal} &= \frac{\max(|A_e x - u_e|, (A_i x - u_i)_+)}{1 + \max(|Ax|, |u|)} \\
         \text{dual} &= \max\Bigl(\frac{|Px + q + A^T y|}{1 + \max(|Px|, |q|, |A^T y|)},
-                       \frac{(-y_i)_+}{1 + |y|}\Bigr) \\
+                       \frac{(-y_i)_+ |A_i|}{1 + \max(|Px|, |q|, |A^T y|)}\Bigr) \\
         \text{complementarity} &= \frac{\max_i |y_i (u_i - A_i x)|}{1 + \max(|x^T P x|, |q^T x|)} \\
         \text{natural} &= \max\Bigl(\frac{|Px + q + A^T y|}{1 + \max(|Px|, |q|, |A^T y|)},
                           \frac{\max(|A_e x - u_e|, |\min(y_i, u_i - A_i x)|)}{1 + \max(|Ax|, |u|)}\Bigr)
 
-    where e runs over equality and i over inequality rows. If anything in them is nan or infinite, all are nan. The
-    first three judge an answer; the natural residual tells how far it can be improved, `solvers.polish`.
+    where e runs over equality and i over inequality rows. A multiplier that pulls counts by its force, however large
+    others are that cancel. If anything in them is nan or infinite, all are nan. The first three judge an answer; the
+    natural residual tells how far it can be improved, `solvers.polish`.
 
     Parameters
     ----------

@@ -43,7 +43,9 @@ def run(
     """Run a config or a scene, and record it.
 
     A scene given by name runs as in the paper. Exit status: 0 done, 1 the run failed or was interrupted (what was
-    computed is in the file), 2 the input is at fault.
+    computed is in the file), 2 the input is at fault. Ctrl-C or SIGTERM stop it after the step, or in the middle of one
+    that goes on for five seconds more or gets a second signal. A solver that never returns from its own code hears of
+    neither: SIGQUIT ends that, and the rows committed before are in OUTPUT.partial, for --resume.
     """
     from deli.commands.tables import print_plan, print_summary
     from deli.running.interrupts import Interrupted

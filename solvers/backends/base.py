@@ -38,7 +38,9 @@ class Backend(ABC):
     """A solver attached to one program.
 
     The answer must be a function of the program's current numbers alone, and of the point that `begin` may have given:
-    no scaling and no step size left over from earlier numbers.
+    no scaling and no step size left over from earlier numbers. The program is lent: what is written into it is undone
+    after each call. An answer that is none, by type or shape, counts as failed, and what is raised as the backend's
+    `solvers.BackendError`, behind which a chain goes on.
 
     Parameters
     ----------

@@ -42,9 +42,10 @@ def test_definition(sizes, parametric, storage):
 
         violated = np.where(inequality, np.maximum(-slack, 0), slack)
         primal = largest(violated) / (1 + largest(A @ x, u))
-        pull = largest(np.minimum(y[inequality], 0)) / (1 + largest(y))
-        stationarity = largest(P @ x + q + A.T @ y) / (1 + largest(P @ x, q, A.T @ y))
-        dual = max(stationarity, pull)
+        pull = largest(np.minimum(y[inequality], 0)[:, np.newaxis] * A[inequality])
+        force = 1 + largest(P @ x, q, A.T @ y)
+        stationarity = largest(P @ x + q + A.T @ y) / force
+        dual = max(stationarity, pull / force)
         products = largest((y * slack)[inequality]) / (1 + max(abs(x @ P @ x), abs(q @ x)))
         apart = np.where(inequality, np.minimum(y, slack), slack)
         natural = max(stationarity, largest(apart) / (1 + largest(A @ x, u)))
