@@ -7,7 +7,7 @@ that are opened. A benign command tells what happens anyway; a hostile one of th
 import pickle
 
 import pytest
-from hostile_judging import DONE, REFUSED, judge
+from hostile_judging import DONE, REFUSED, judge, sizes
 
 CODE = "__import__('os').system('touch pwned')"
 WORDS = (
@@ -49,6 +49,13 @@ def happened(victim, place, *command):
     return outcome, {f"{event} {what}" for event, what in outcome.events}
 
 
+def usually(victim, place, *commands):
+    """What Python tells of commands that mean no harm, once all they need is imported and compiled."""
+    for command in commands:
+        happened(victim, place, *command)
+    return set().union(*(happened(victim, place, *command)[1] for command in commands))
+
+
 def quoted(word):
     return '"' + word.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
@@ -61,19 +68,21 @@ def test_the_watch_sees_what_it_is_for(victim, place):
     (place / "pwned").unlink(missing_ok=True)
 
 
-def test_configs(victim, place):
+@sizes(3, len(WORDS))
+def test_configs(victim, place, examples):
     benign = ("run", "point_mass", "--set", "steps=2", "-q", "--overwrite", "-o", "run.nc")
-    happened(victim, place, *benign)
-    _, usual = happened(victim, place, *benign)
+    wrong = ("scene.x=1", "solvers.default.options.x=1", "solvers=cvxpy:CLARABEL", "solvers=cvxpy:none", "scene.mass=0")
+    usual = usually(victim, place, benign, *((*benign, "--set", setting) for setting in wrong))
     refused = 0
+    words = WORDS[:examples]
     for key in KEYS:
-        for word in WORDS:
+        for word in words:
             outcome, seen = happened(victim, place, *benign, "--set", f"{key}={quoted(word)}")
             assert seen <= usual, (key, word, seen - usual)
             refused += outcome.status == REFUSED
-    assert refused > 0.8 * len(KEYS) * len(WORDS)
+    assert refused > 0.8 * len(KEYS) * examples
     for form in BACKENDS:
-        for word in WORDS:
+        for word in words:
             outcome, seen = happened(victim, place, *benign, "--set", f"solvers={quoted(form.format(word))}")
             assert seen <= usual, (form, word, seen - usual)
             assert outcome.status == REFUSED
@@ -91,7 +100,7 @@ def test_options_of_solvers(victim, place):
         choice = ("--set", f"solvers={backend}")
         if happened(victim, place, *benign, *choice)[0].status != DONE:
             continue  # it is not installed
-        _, usual = happened(victim, place, *benign, *choice)
+        usual = usually(victim, place, (*benign, *choice), (*benign, *choice, "--set", "solvers.default.options.x=1"))
         for name, value in (
             (option, CODE),
             (option, "evil.pkl"),
@@ -113,9 +122,8 @@ def test_options_of_solvers(victim, place):
 def test_files_of_code(victim, place, file):
     (place / "study.toml").write_text(f'base = "{file}"\naxes.step_size = [0.1]\n')
     (place / "none.toml").write_text("a = = 1")
-    for command in (("run", "none.toml"), ("check", "none.toml"), ("study", "none.toml"), ("study", "study.toml")):
-        happened(victim, place, *command)
-    _, usual = happened(victim, place, "run", "none.toml")
+    commands = (("run", "none.toml"), ("check", "none.toml"), ("study", "none.toml"), ("study", "study.toml"))
+    usual = usually(victim, place, *commands)
     (place / "none.toml").write_bytes((place / file).read_bytes())
     for command in (
         ("run", file),
@@ -144,8 +152,7 @@ def test_studies(victim, place):
 
     command = ("study", "study.toml", "--dry-run")
     (place / "study.toml").write_text(text('"benign"'))
-    happened(victim, place, *command)
-    _, usual = happened(victim, place, *command)
+    usual = usually(victim, place, command)
     for word in WORDS:
         (place / "study.toml").write_text(text(quoted(word)))
         outcome, seen = happened(victim, place, *command)

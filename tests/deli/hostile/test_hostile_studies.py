@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from deli.metrics import METRICS
 from deli.studies.model import StudyTable
 
+LABEL = "../../outside/$x$"
 FEW = 2  # values of an axis that are kept of a shipped study
 EVERYTHING = """
 title = "All that a study can say"
@@ -22,7 +23,7 @@ scene = { name = "newtons_cradle", balls = 2 }
 step_size = 0.01
 steps = 4
 [axes]
-"solvers.default" = ["daqp", { backend = "native", tolerance = 1e-6, label = "loose" }]
+"solvers.default" = ["native", { backend = "native", tolerance = 1e-6, label = "loose" }]
 scene.perturbation.seed = { count = 2 }
 [[zip]]
 name = "length"
@@ -86,18 +87,18 @@ def planned(victim, tmp_path):
 QUICK = st.sampled_from([(), ("--quick",)])
 
 
-@sizes(50, 2500)
+@sizes(35, 2500)
 def test_studies_with_other_entries(planned, examples):
     try_all(st.tuples(st.sampled_from(STUDIES).flatmap(changed_structure), QUICK), examples, planned)
 
 
-@sizes(30, 1500)
+@sizes(20, 1500)
 def test_studies_with_other_letters(planned, examples):
     try_all(st.tuples(st.sampled_from([EVERYTHING]).flatmap(changed_text), QUICK), examples, planned)
 
 
-@sizes(1, 40)
-def test_studies_that_run(victim, tmp_path, examples):
+@pytest.mark.long
+def test_studies_that_run(victim, tmp_path):
     """What is planned runs: values that only a solver or a worker would stumble upon are refused or recorded."""
 
     def check(case):
@@ -109,10 +110,10 @@ def test_studies_that_run(victim, tmp_path, examples):
         assert not outcome.fault
 
     small = tomllib.loads(EVERYTHING) | {"zip": [], "reference": {"exact": False}}
-    try_all(changed_structure(small), examples, check)
+    try_all(changed_structure(small), 40, check)
 
 
-@sizes(25, 1200)
+@sizes(15, 1200)
 def test_figures(victim, tmp_path, examples):
     """Configs of figures, listed or made from two steps."""
     (tmp_path / "configs").mkdir()
@@ -136,13 +137,25 @@ def test_figures(victim, tmp_path, examples):
 def finished(victim, tmp_path_factory):
     """The folder of a finished study."""
     place = tmp_path_factory.mktemp("finished")
-    table = tomllib.loads(EVERYTHING) | {"zip": [], "cases": [], "exclude": []}
+    table = tomllib.loads(EVERYTHING) | {"zip": [], "cases": [], "exclude": [], "reference": {"exact": False}}
+    table["title"] = "../../outside"
+    table["base"]["record"] = {"output": "../outside.nc"}
+    table["axes"]["solvers.default"][1]["label"] = LABEL
     (place / "study.toml").write_text(tomli_w.dumps(table))
     judge(victim.run(place, "study", "study.toml", "-o", "out", "-q"))
     return place
 
 
-AXES = {"solver": ["daqp", "loose"], "seed": [0, 1]}
+def test_words_of_a_study_name_no_files(finished):
+    """Cases are named by what they are, whatever they are called."""
+    assert {path.name for path in finished.iterdir()} == {"study.toml", "out"}
+    assert not (finished.parent / "outside.nc").exists()
+    made = [path.name for path in (finished / "out" / "cases").iterdir()]
+    assert len(made) == 3 * 4
+    assert all(re.fullmatch(r"[0-9a-f]{16}\.(nc|toml|json)", name) for name in made)
+
+
+AXES = {"solver": ["native", LABEL], "seed": [0, 1]}
 METRIC = st.sampled_from(["wall_time", "energy_band", "solves", "trajectory_error", *METRICS])
 HOSTILE = st.sampled_from(["state", "file", "", "$x$", "outcome", "time", "__class__", "solver", "seed", "wall_time"])
 TITLES = st.sampled_from(["Plain", "$\\frac{", "![](/etc/passwd)", "<img src=/etc/passwd>", "|", "```", "# *a* <b>"])
@@ -172,12 +185,12 @@ def plot(draw):
         elif change == "panels":
             table["panels"] = axis
         else:
-            labels = st.sampled_from([0, 7, "daqp", True, [0], {}, 0.0, "$x$"])
+            labels = st.sampled_from([0, 7, "native", True, [0], {}, 0.0, "$x$"])
             table["where"] = {draw(HOSTILE) if change == "where" else axis: draw(labels)}
     return table
 
 
-@sizes(15, 400)
+@sizes(3, 400)
 def test_plots_of_a_report(victim, finished, examples):
     """Plots of what a study does not have are refused; a report shows no file but its own pictures."""
     manifest = finished / "out" / "manifest.json"
@@ -213,7 +226,7 @@ def test_plots_of_a_report(victim, finished, examples):
 )
 def test_too_many_cases_are_counted_and_not_made(victim, tmp_path, lines, said):
     (tmp_path / "study.toml").write_text(f'[base]\nscene = "point_mass"\nsteps = 1\n[axes]\n{lines}')
-    outcome = judge(victim.run(tmp_path, "study", "study.toml", "--dry-run"))
+    outcome = judge(victim.run(tmp_path, "study", "study.toml", "--dry-run"), "combinations")
     assert said in outcome.errors
     assert "allowed" in outcome.errors or "less than or equal" in outcome.errors
     assert outcome.grown < 50_000_000
