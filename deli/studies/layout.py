@@ -8,6 +8,7 @@ from typing import Any
 from deli.errors import InputError
 
 MANIFEST, CASES = "manifest.json", "cases"
+PICTURES, TEXT, PAGE = REPORT = ("report", "report.md", "report.html")
 
 
 def run_path(folder: Path, digest: str) -> Path:

@@ -16,11 +16,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from deli.errors import InputError
 from deli.studies.findings import COMPLETE, SCENE, findings
+from deli.studies.layout import PAGE, PICTURES, TEXT
 from deli.studies.plot_tables import Plot
 from deli.studies.plots import check_plots, draw, first_look
 from deli.studies.states import DONE, EXCLUDED
 
-PICTURES, RAN = "report", ("machine", "workers", "deli_version")
+RAN = ("machine", "workers", "deli_version")
 DPI = 110
 MOST_ROWS = 1000
 COLUMNS = (
@@ -89,7 +90,7 @@ def write_report(study: xr.Dataset) -> tuple[Path, Path]:
     blocks += ["## What ran where", _list(f"{name.replace('_', ' ')}: {study.attrs[name]}" for name in RAN)]
     blocks += ["## The study", f"```toml\n{study.attrs['study'].strip()}\n```"]
     text = "\n\n".join(block for block in blocks if block) + "\n"
-    source, page = folder / "report.md", folder / "report.html"
+    source, page = folder / TEXT, folder / PAGE
     source.write_text(text, encoding="utf-8")
     page.write_text(_page(title, text, folder), encoding="utf-8")
     return page, source
