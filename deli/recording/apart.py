@@ -17,7 +17,7 @@ from deli.recording.contents import Contents, Stored, load, open_file
 
 SECONDS, BYTES_A_SECOND = 60, 2_000_000
 """How long reading may take: so many seconds of a processor, and another for so many bytes of the file."""
-MEMORY, COPIES = 1 << 30, 4
+MEMORY, COPIES = 1 << 29, 4
 """How much memory it may take: so many bytes, and so many times those of the file."""
 
 _CODE = "import sys; sys.path[:] = {path!r}; from deli.recording.apart import main; main({file!r}, {values!r})"

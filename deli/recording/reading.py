@@ -143,10 +143,8 @@ def _run(path: Path) -> tuple[Groups, Contents]:
         rows = len(groups[TRAJECTORY]["time"][1])
         broken = checksums.broken(contents.root, groups, rows)
         if broken:
-            structure.refuse(
-                path,
-                f"the checksums of {', '.join(broken)} do not match; if a run is writing it, try again in a moment",
-            )
+            names = ", ".join(broken)
+            structure.refuse(path, f"checksums of {names} differ; if a run is writing it, try again in a moment")
     return groups, contents
 
 

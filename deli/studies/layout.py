@@ -10,6 +10,7 @@ from deli.errors import InputError
 from deli.recording.netcdf import RecordingError
 
 MANIFEST, CASES = "manifest.json", "cases"
+PICTURES, TEXT, PAGE = REPORT = ("report", "report.md", "report.html")
 
 
 def run_path(folder: Path, digest: str) -> Path:

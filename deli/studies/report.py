@@ -14,13 +14,14 @@ from markdown_it import MarkdownIt
 
 from deli.config.reading import parse_toml
 from deli.studies.findings import COMPLETE, SCENE, findings
+from deli.studies.layout import PAGE, PICTURES, TEXT
 from deli.studies.model import check_table
 from deli.studies.plot_tables import Plot
 from deli.studies.plots import check_plots, draw, first_look
 from deli.studies.states import DONE, EXCLUDED
 
 _MARKUP = re.compile(r"[\\`*\[\]<>&|]|(?<!\w)_|_(?!\w)")
-PICTURES, RAN = "report", ("machine", "workers", "deli_version")
+RAN = ("machine", "workers", "deli_version")
 DPI = 110
 MOST_ROWS = 1000
 COLUMNS = (
@@ -89,7 +90,7 @@ def write_report(study: xr.Dataset) -> tuple[Path, Path]:
     fence = "`" * (1 + max(map(len, re.findall("`{2,}", study.attrs["study"])), default=2))
     blocks += ["## The study", f"{fence}toml\n{study.attrs['study'].strip()}\n{fence}"]
     text = "\n\n".join(block for block in blocks if block) + "\n"
-    source, page = folder / "report.md", folder / "report.html"
+    source, page = folder / TEXT, folder / PAGE
     source.write_text(text, encoding="utf-8")
     page.write_text(_page(title, text, drawn), encoding="utf-8")
     return page, source

@@ -14,7 +14,7 @@ from deli.errors import InputError
 from deli.recording.paths import check_name
 from deli.running.interrupts import StopRequests
 from deli.studies.expansion import Study
-from deli.studies.layout import CASES, run_path
+from deli.studies.layout import CASES, REPORT, run_path
 from deli.studies.local import Event, Local, cores
 from deli.studies.manifest import Manifest, read_manifest
 from deli.studies.planning import KEEP, RUN, Decision, decide, reference_of
@@ -91,7 +91,7 @@ def plan_study(study: Study, folder: Path, *, retry_failed: bool = False) -> lis
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; name a folder.")
     earlier = read_manifest(folder)
-    if earlier is None and folder.exists() and {entry.name for entry in folder.iterdir()} - {CASES, LOCK}:
+    if earlier is None and folder.exists() and {entry.name for entry in folder.iterdir()} - {CASES, LOCK, *REPORT}:
         raise InputError(f"{folder} holds something else than a study; name another folder.")
     return decide(study, folder, earlier, retry_failed)
 
