@@ -166,13 +166,13 @@ class Writer:
             with netCDF4.Dataset(fresh, "a") as dataset:
                 dataset.setncatts(dict(attributes))
             with fresh.open("rb+") as file:
+                fcntl.flock(file, fcntl.LOCK_EX)  # nobody is to continue it before it has its final name
                 os.fsync(file.fileno())
-            os.replace(fresh, self.path)
+                os.replace(fresh, self.path)
+                if rename is not None:
+                    os.replace(self.path, rename)
             self.abandon()
-            if rename is None:
-                return self.path
-            os.replace(self.path, rename)
-            return rename
+            return rename or self.path
 
     def abandon(self) -> None:
         """Let go of the file: what is committed stays."""
