@@ -16,7 +16,7 @@ import netCDF4
 import numpy as np
 
 from deli.errors import DeliError, InputError
-from deli.recording import rewriting
+from deli.recording import chunks
 from deli.recording.schema import POSED, STATS, TRAJECTORY, Block, Schema, Variable, coordinates
 from deli.recording.subproblems import COUNTED, places
 
@@ -70,8 +70,9 @@ class Writer:
         self.ends = ends
         self._dataset, self._place = dataset, place
         self._replaced: BinaryIO | None = None
+        self._reserved = 0
         self._identity = _identity(place)
-        self._chunks = rewriting.chunk_lengths(dataset)
+        self._chunks = chunks.chunk_lengths(dataset)
         self._earlier = wall_time
         self._started = time.perf_counter()
         self._key = path.resolve()
@@ -87,7 +88,7 @@ class Writer:
             _sweep(path)
             dataset = netCDF4.Dataset(fresh, "w", format="NETCDF4")
             _lay_out(dataset, schema, attributes)
-            rewriting.write_through(dataset)
+            chunks.write_through(dataset)
             ends = dict.fromkeys(("problem", *COUNTED), 0) if schema.subproblems else {}
             writer = cls(path, fresh, dataset, 0, 0.0, ends)
             writer._replaced = replaced
@@ -104,7 +105,11 @@ class Writer:
                 raise Busy(f"{path} cannot be continued ({error}); is another run writing it?") from error
             ends = _ends(dataset, steps) if POSED in dataset.groups else {}
             writer = cls(path, path, dataset, int(dataset[COMMITTED][...]), float(dataset[WALL_TIME][...]), ends)
-            writer._rewrite(writer._chunks)
+            try:
+                writer._rewrite(writer._chunks)
+            except (OSError, RuntimeError):
+                writer.abandon()
+                raise
             return writer
 
     @property
@@ -129,10 +134,7 @@ class Writer:
         rows = first_row + len(trajectory["time"])
         with LIBRARY, _recording(self.path, f"rows from {first_row} on"):
             self._require_own()
-            needed = {"time": rows, "step": rows - 1, **self._ends_with(problems)}
-            chunks = rewriting.longer(self._chunks, needed)
-            if chunks != self._chunks:
-                self._rewrite(chunks)
+            self._make_room({"time": rows, "step": rows - 1, **self._ends_with(problems)})
             self._append(TRAJECTORY, first_row, trajectory)
             self._append(STATS, max(first_row - 1, 0), stats)
             self._dataset[WALL_TIME][...] = self.wall_time
@@ -144,6 +146,9 @@ class Writer:
                 self._dataset.sync()
             self._dataset[COMMITTED][...] = rows
             self._dataset.sync()
+            self._reserved = min(
+                self._reserved, self._place.stat().st_size
+            )  # the library cuts off what it does not use
             if self._place != self.path:
                 os.replace(self._place, self.path)
                 self._place = self.path
@@ -177,10 +182,10 @@ class Writer:
     def abandon(self) -> None:
         """Let go of the file: what is committed stays."""
         _writers.pop(self._key, None)
+        left = self._place if self._place != self.path else _beside(self.path)
         with LIBRARY, suppress(OSError, RuntimeError):  # what cannot be written was not committed, and has been told
+            left.unlink(missing_ok=True)
             self._dataset.close()
-        if self._place != self.path:
-            self._place.unlink(missing_ok=True)
         self._let_go()
 
     def _let_go(self) -> None:
@@ -188,17 +193,29 @@ class Writer:
         if self._replaced is not None:
             self._replaced.close()
 
-    def _rewrite(self, chunks: dict[str, int]) -> None:
+    def _make_room(self, needed: dict[str, int]) -> None:
+        """Have chunks enough, and the disk's word for their bytes: where the library finds none, it damages the file."""
+        lengths = chunks.longer(self._chunks, needed)
+        if lengths != self._chunks:
+            self._rewrite(lengths)
+        end = self._place.stat().st_size + chunks.bytes_to_come(self._dataset, lengths, needed)
+        if hasattr(os, "posix_fallocate"):
+            with self._place.open("rb+") as file:
+                os.posix_fallocate(file.fileno(), self._reserved, end - self._reserved)
+            self._reserved = end
+
+    def _rewrite(self, lengths: dict[str, int]) -> None:
         """Go on in a copy of what is committed, with chunks of these lengths."""
         ends = {"time": self.rows, "step": max(self.rows - 1, 0), **self.ends}
         fresh = _beside(self.path)
         dataset = netCDF4.Dataset(fresh, "w", format="NETCDF4")
-        rewriting.copy(self._dataset, dataset, ends, chunks)
+        chunks.copy(self._dataset, dataset, ends, lengths)
         if self.ends:
             dataset[COMMITTED_PROBLEMS][...] = self.ends["problem"]
         dataset.sync()
         os.replace(fresh, self.path)
-        before, self._dataset, self._chunks = self._dataset, dataset, chunks
+        before, self._dataset, self._chunks = self._dataset, dataset, lengths
+        self._reserved = 0
         self._place, self._identity = self.path, _identity(self.path)
         before.close()
 

@@ -6,12 +6,15 @@ is found any more. So where a variable needs more chunks, or its file was cut of
 to another file with longer chunks, which takes the place of the first when it is whole.
 """
 
+import math
 from collections.abc import Mapping
 
 import netCDF4
 
 MOST_CHUNKS = 64
 GROWTH = 8
+NODE_BYTES = 4096
+"""More than a tree of chunks takes."""
 
 
 def chunk_lengths(dataset: netCDF4.Dataset) -> dict[str, int]:
@@ -21,6 +24,18 @@ def chunk_lengths(dataset: netCDF4.Dataset) -> dict[str, int]:
         for variable in group.variables.values():
             if _grows(group, variable):
                 found[variable.dimensions[0]] = variable.chunking()[0]
+    return found
+
+
+def bytes_to_come(dataset: netCDF4.Dataset, lengths: Mapping[str, int], needed: Mapping[str, int]) -> int:
+    """By how much a file grows at most when its dimensions grow as much as `needed` says."""
+    found = 0
+    for group in dataset.groups.values():
+        for variable in group.variables.values():
+            if _grows(group, variable):
+                name = variable.dimensions[0]
+                added = math.ceil(needed[name] / lengths[name]) - math.ceil(len(variable) / lengths[name])
+                found += NODE_BYTES + max(added, 0) * math.prod(variable.chunking()) * variable.dtype.itemsize
     return found
 
 
