@@ -23,7 +23,7 @@ def chunk_lengths(dataset: netCDF4.Dataset) -> dict[str, int]:
     for group in dataset.groups.values():
         for variable in group.variables.values():
             if _grows(group, variable):
-                found[variable.dimensions[0]] = variable.chunking()[0]
+                found[variable.dimensions[0]] = _lengths(variable)[0]
     return found
 
 
@@ -35,7 +35,7 @@ def bytes_to_come(dataset: netCDF4.Dataset, lengths: Mapping[str, int], needed: 
             if _grows(group, variable):
                 name = variable.dimensions[0]
                 added = math.ceil(needed[name] / lengths[name]) - math.ceil(len(variable) / lengths[name])
-                found += NODE_BYTES + max(added, 0) * math.prod(variable.chunking()) * variable.dtype.itemsize
+                found += NODE_BYTES + max(added, 0) * math.prod(_lengths(variable)) * variable.dtype.itemsize
     return found
 
 
@@ -70,7 +70,7 @@ def copy(source: netCDF4.Dataset, target: netCDF4.Dataset, ends: Mapping[str, in
             there.createDimension(name, None if dimension.isunlimited() else len(dimension))
         for name, variable in here.variables.items():
             grows = _grows(here, variable)
-            sizes = [chunks[variable.dimensions[0]], *variable.chunking()[1:]] if grows else None
+            sizes = [chunks[variable.dimensions[0]], *_lengths(variable)[1:]] if grows else None
             created = there.createVariable(
                 name, variable.dtype, variable.dimensions, fill_value=False, chunksizes=sizes
             )
@@ -85,9 +85,14 @@ def copy(source: netCDF4.Dataset, target: netCDF4.Dataset, ends: Mapping[str, in
         if not grows:
             created[...] = variable[...]
             continue
-        end, length = ends[variable.dimensions[0]], MOST_CHUNKS * variable.chunking()[0]
+        end, length = ends[variable.dimensions[0]], MOST_CHUNKS * _lengths(variable)[0]
         for begin in range(0, end, length):
             created[begin : min(begin + length, end)] = variable[begin : min(begin + length, end)]
+
+
+def _lengths(variable: netCDF4.Variable) -> list[int]:
+    """Lengths of the chunks of a variable that grows."""
+    return [int(length) for length in variable.chunking()]
 
 
 def _grows(group: netCDF4.Dataset | netCDF4.Group, variable: netCDF4.Variable) -> bool:

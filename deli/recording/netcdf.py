@@ -146,9 +146,7 @@ class Writer:
                 self._dataset.sync()
             self._dataset[COMMITTED][...] = rows
             self._dataset.sync()
-            self._reserved = min(
-                self._reserved, self._place.stat().st_size
-            )  # the library cuts off what it does not use
+            self._reserved = min(self._reserved, self._place.stat().st_size)  # what is not used has been cut off
             if self._place != self.path:
                 os.replace(self._place, self.path)
                 self._place = self.path
@@ -194,7 +192,7 @@ class Writer:
             self._replaced.close()
 
     def _make_room(self, needed: dict[str, int]) -> None:
-        """Have chunks enough, and the disk's word for their bytes: where the library finds none, it damages the file."""
+        """Have chunks enough, and the disk's word for their bytes: the library damages files that find none."""
         lengths = chunks.longer(self._chunks, needed)
         if lengths != self._chunks:
             self._rewrite(lengths)

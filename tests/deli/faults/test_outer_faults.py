@@ -1,4 +1,4 @@
-"""What happens around a run: disks, folders, signals, other processes, clocks, old files. It says so, and goes on later."""
+"""Disks, folders, signals, other processes, clocks, old files: a run says what happened, and goes on later."""
 
 import contextlib
 import datetime
@@ -117,7 +117,7 @@ class TestFolders:
         assert nest.call(*command(5, "--resume")).status == DONE
 
     def test_read_only_while_it_runs(self, nest, disk, whole):
-        """What has been opened for writing keeps a disk from being made read-only; the next thing to be opened fails."""
+        """What is open for writing keeps a disk from being made read-only; what is opened next fails."""
         full = whole(STEPS)
         require_said(nest.call(*command(STEPS), block_rows=100), RUN_FAILED, "safe")
         disk("ro,size=16m")
