@@ -14,7 +14,7 @@ from weakref import WeakValueDictionary
 import netCDF4
 
 from deli.errors import DeliError, InputError
-from deli.recording import rewriting
+from deli.recording import chunks
 from deli.recording.checksums import Checksums
 from deli.recording.contents import COMMITTED, COMMITTED_PROBLEMS, LIBRARY, WALL_TIME, attributes_of
 from deli.recording.file_layout import first_chunks, lay_out
@@ -81,6 +81,7 @@ class Writer:
         self.rows = 0
         self.ends = dict.fromkeys(("problem", *COUNTED), 0) if schema.subproblems else {}
         self._chunks = first_chunks(schema)
+        self._reserved = 0
         self._checksums = Checksums(schema)
         self._earlier = found.wall_time if found else 0.0
         self._started = time.perf_counter()
@@ -94,7 +95,7 @@ class Writer:
             _writers[self._key] = self
             lay_out(self._dataset, schema, attributes, self._chunks)
             self._checksums.lay_out(self._dataset)
-            rewriting.write_through(self._dataset)
+            chunks.write_through(self._dataset)
         if found:
             trajectory, stats, problems = (found.groups.get(name) for name in (TRAJECTORY, STATS, POSED))
             assert trajectory is not None
@@ -128,9 +129,7 @@ class Writer:
         rows = first_row + len(trajectory["time"])
         with LIBRARY, _recording(self.path, f"rows from {first_row} on"):
             self._require_own()
-            chunks = rewriting.longer(self._chunks, {"time": rows, "step": rows - 1, **self._ends_with(problems)})
-            if chunks != self._chunks:
-                self._rewrite(chunks)
+            self._make_room({"time": rows, "step": rows - 1, **self._ends_with(problems)})
             self._append(TRAJECTORY, first_row, trajectory)
             self._append(STATS, max(first_row - 1, 0), stats)
             self._dataset[WALL_TIME][...] = self.wall_time
@@ -141,6 +140,7 @@ class Writer:
             if problems is not None:
                 self._count(COMMITTED_PROBLEMS, self.ends["problem"])
             self._count(COMMITTED, rows)
+            self._reserved = min(self._reserved, self._place.stat().st_size)  # what is not used has been cut off
             if self._place != self.path:
                 os.replace(self._place, self.path)
                 self._place = self.path
@@ -164,20 +164,21 @@ class Writer:
             with netCDF4.Dataset(fresh, "a") as dataset:
                 dataset.setncatts(dict(attributes))
             seal(fresh)
-            os.replace(fresh, self.path)
+            with fresh.open("rb+") as file:
+                fcntl.flock(file, fcntl.LOCK_EX)  # nobody is to continue it before it has its final name
+                os.replace(fresh, self.path)
+                if rename is not None:
+                    os.replace(self.path, rename)
             self.abandon()
-            if rename is None:
-                return self.path
-            os.replace(self.path, rename)
-            return rename
+            return rename or self.path
 
     def abandon(self) -> None:
         """Let go of the file: what is committed stays."""
         _writers.pop(self._key, None)
+        left = self._place if self._place != self.path else _beside(self.path)
         with LIBRARY, suppress(OSError, RuntimeError):  # what cannot be written was not committed, and has been told
+            left.unlink(missing_ok=True)
             self._dataset.close()
-        if self._place != self.path:
-            self._place.unlink(missing_ok=True)
         self._let_go()
 
     def _let_go(self) -> None:
@@ -185,18 +186,29 @@ class Writer:
         if self._replaced is not None:
             self._replaced.close()
 
-    def _rewrite(self, chunks: dict[str, int]) -> None:
+    def _make_room(self, needed: dict[str, int]) -> None:
+        """Have chunks enough, and the disk's word for their bytes: the library damages files that find none."""
+        lengths = chunks.longer(self._chunks, needed)
+        if lengths != self._chunks:
+            self._rewrite(lengths)
+        end = self._place.stat().st_size + chunks.bytes_to_come(self._dataset, lengths, needed)
+        if hasattr(os, "posix_fallocate"):
+            with self._place.open("rb+") as file:
+                os.posix_fallocate(file.fileno(), self._reserved, end - self._reserved)
+            self._reserved = end
+
+    def _rewrite(self, lengths: dict[str, int]) -> None:
         """Go on in a copy of what is committed, with chunks of these lengths."""
         ends = {"time": self.rows, "step": max(self.rows - 1, 0), **self.ends}
         fresh = _beside(self.path)
         dataset = _fresh(fresh)
-        rewriting.copy(self._dataset, dataset, ends, chunks)
+        chunks.copy(self._dataset, dataset, ends, lengths)
         if self.ends:
             dataset[COMMITTED_PROBLEMS][...] = self.ends["problem"]
         dataset.sync()
         os.replace(fresh, self._place)
-        before, self._dataset, self._chunks = self._dataset, dataset, chunks
-        self._identity = _which(self._place)
+        before, self._dataset, self._chunks = self._dataset, dataset, lengths
+        self._reserved, self._identity = 0, _which(self._place)
         before.close()
 
     def _require_own(self) -> None:

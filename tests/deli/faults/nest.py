@@ -13,7 +13,6 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-
 WARM_UP = (
     ["run", "newtons_cradle", "--set", "scene.balls=3", "--set", "steps=3", "-o", "warm.nc", "-q"],
     ["animate", "warm.nc", "-q", "--dpi", "20"],
@@ -97,13 +96,13 @@ def _carry_out(begin, folder, kill_at=0, file_size=0, block_rows=0, most_chunks=
     status = 255
     try:
         from deli.cli import app
-        from deli.recording import rewriting
+        from deli.recording import chunks
         from deli.running import session
 
         if block_rows:
             session.BLOCK_ROWS, session.FLUSH_SECONDS, session.REFRESH_SECONDS = block_rows, 0.0, 0.0
         if most_chunks:
-            rewriting.MOST_CHUNKS = most_chunks
+            chunks.MOST_CHUNKS = most_chunks
         if file_size:
             resource.setrlimit(resource.RLIMIT_FSIZE, (file_size, file_size))
         if kill_at:
@@ -121,9 +120,9 @@ def _carry_out(begin, folder, kill_at=0, file_size=0, block_rows=0, most_chunks=
 
 def _kill_at(number):
     """Kill this process before the n-th line of what writes a run."""
-    from deli.recording import netcdf, rewriting
+    from deli.recording import chunks, netcdf
 
-    writing, count = {netcdf.__file__, rewriting.__file__}, 0
+    writing, count = {netcdf.__file__, chunks.__file__}, 0
 
     def trace(frame, event, _):
         nonlocal count

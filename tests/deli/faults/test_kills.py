@@ -1,4 +1,4 @@
-"""SIGKILL at random moments, and at every line of what writes a run: nothing committed is lost, and all of it is right."""
+"""SIGKILL at random moments, and at every line of what writes a run: nothing committed is lost, and all is right."""
 
 import itertools
 import os
@@ -14,7 +14,7 @@ from PIL import Image
 
 import deli
 
-STEPS = 6_000
+STEPS = 2_000
 KILLED, DONE = -signal.SIGKILL, 0
 SEED = 20120506
 
@@ -150,7 +150,7 @@ def test_a_study_is_killed_and_continued_again_and_again(nest, folder):
         (workers[0] if of_worker else psutil.Process(pid)).kill()
         ended = nest.end(pid)
         killed += of_worker or ended.status == KILLED
-        gone, alive = psutil.wait_procs(workers, timeout=60)
+        _, alive = psutil.wait_procs(workers, timeout=60)
         assert not alive
         require_right_cases(full)
         if ended.status == DONE:

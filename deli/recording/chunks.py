@@ -6,12 +6,27 @@ is found any more. So where a variable needs more chunks, or its file was cut of
 to another file with longer chunks, which takes the place of the first when it is whole.
 """
 
+import math
 from collections.abc import Mapping
 
 import netCDF4
 
 MOST_CHUNKS = 64
 GROWTH = 8
+NODE_BYTES = 4096
+"""More than a tree of chunks takes."""
+
+
+def bytes_to_come(dataset: netCDF4.Dataset, lengths: Mapping[str, int], needed: Mapping[str, int]) -> int:
+    """By how much a file grows at most when its dimensions grow as much as `needed` says."""
+    found = 0
+    for group in dataset.groups.values():
+        for variable in group.variables.values():
+            if _grows(group, variable):
+                name = variable.dimensions[0]
+                added = math.ceil(needed[name] / lengths[name]) - math.ceil(len(variable) / lengths[name])
+                found += NODE_BYTES + max(added, 0) * math.prod(_lengths(variable)) * variable.dtype.itemsize
+    return found
 
 
 def longer(lengths: Mapping[str, int], needed: Mapping[str, int]) -> dict[str, int]:
@@ -45,7 +60,7 @@ def copy(source: netCDF4.Dataset, target: netCDF4.Dataset, ends: Mapping[str, in
             there.createDimension(name, None if dimension.isunlimited() else len(dimension))
         for name, variable in here.variables.items():
             grows = _grows(here, variable)
-            sizes = [chunks[variable.dimensions[0]], *variable.chunking()[1:]] if grows else None
+            sizes = [chunks[variable.dimensions[0]], *_lengths(variable)[1:]] if grows else None
             created = there.createVariable(
                 name, variable.dtype, variable.dimensions, fill_value=False, chunksizes=sizes
             )
@@ -60,9 +75,14 @@ def copy(source: netCDF4.Dataset, target: netCDF4.Dataset, ends: Mapping[str, in
         if not grows:
             created[...] = variable[...]
             continue
-        end, length = ends[variable.dimensions[0]], MOST_CHUNKS * int(variable.chunking()[0])
+        end, length = ends[variable.dimensions[0]], MOST_CHUNKS * _lengths(variable)[0]
         for begin in range(0, end, length):
             created[begin : min(begin + length, end)] = variable[begin : min(begin + length, end)]
+
+
+def _lengths(variable: netCDF4.Variable) -> list[int]:
+    """Lengths of the chunks of a variable that grows."""
+    return [int(length) for length in variable.chunking()]
 
 
 def _grows(group: netCDF4.Dataset | netCDF4.Group, variable: netCDF4.Variable) -> bool:
