@@ -72,6 +72,34 @@ def test_a_body_from_afar_is_found(
     assert difference(found, known) < 1e-12
 
 
+@pytest.mark.parametrize(
+    "method",
+    [deli.GVI(), deli.GVI(predictor="closed_loop"), deli.Collision()],
+    ids=["forward", "closed_loop", "events"],
+)
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_blow_that_outruns_the_search_is_taken_again(
+    monkeypatch: pytest.MonkeyPatch, method: object, sign: float
+) -> None:
+    """Through balls in touch, each lighter than the one before, the last is struck off four times as fast at least."""
+    monkeypatch.setattr(distances, "SEARCH_ABOVE", 1)
+    bodies, runs = 5, []
+    for pairs in (None, list(zip(*np.triu_indices(bodies, 1), strict=True))):
+        scene = deli.Scene(
+            mass=[1000.0, 30.0, 1.0, 0.03, 1.0],
+            position=sign * np.array([-1.01, 0.0, 1.0, 2.0, 3.5]),
+            momentum=sign * np.array([1000.0, 0.0, 0.0, 0.0, 0.0]),
+            unilateral=deli.SpheresApart(pairs=pairs, distance=1.0),
+            dimension=1,
+        )
+        runs.append(run(scene, method, 0.1, 4))
+    found, known = runs
+    assert np.abs(known.momentum / scene.mass).max() > 4.0  # which the search does not allow for
+    np.testing.assert_array_equal(found.reflected, known.reflected)
+    np.testing.assert_array_equal(found.skipped, known.skipped)
+    assert difference(found, known) < 1e-11
+
+
 def struck(speed: float) -> deli.Scene:
     """A dense gas at rest that twenty heavy spheres run into: a blow can outrun the neighbours that were searched."""
     mass, momentum = np.ones(SPHERES), np.zeros((SPHERES, 3))
