@@ -7,7 +7,6 @@ import pytest
 from law_runs import difference, growth, run
 
 import deli
-from deli.mechanics import distances
 
 SPHERES = 256  # more than are listed pair by pair
 
@@ -41,35 +40,6 @@ def test_a_gas_keeps_energy_and_momentum(boundary: str) -> None:
     if boundary == "periodic":
         drift = result["linear_momentum"].values - result["linear_momentum"].values[0]
         assert np.abs(drift).max() < 1e-11
-
-
-@pytest.mark.parametrize("predictor", ["forward", "closed_loop"])
-@pytest.mark.parametrize("dimension", [1, 2, 3])
-@pytest.mark.parametrize("moving", [0, 1])
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_a_body_from_afar_is_found(
-    monkeypatch: pytest.MonkeyPatch, predictor: str, dimension: int, moving: int, sign: float
-) -> None:
-    """Pulled in from rest it outruns what its speed at the last search lets expect."""
-    monkeypatch.setattr(distances, "SEARCH_ABOVE", 1)
-    position = np.zeros((2, dimension))
-    position[moving] = sign * 4.0 / np.sqrt(dimension)
-    runs = []
-    for pairs in (None, [(0, 1)]):
-        scene = deli.Scene(
-            mass=[1.0, 3.0],
-            position=position,
-            momentum=np.zeros(2 * dimension),
-            potential=deli.Springs(pairs=[(0, 1)], stiffness=2.0, rest_length=0.0),
-            unilateral=deli.SpheresApart(pairs=pairs, distance=1.0),
-            dimension=dimension,
-        )
-        assert scene.unilateral.searched == (pairs is None)
-        runs.append(run(scene, deli.GVI(scheme="verlet", predictor=predictor), 0.02, 150))
-    found, known = runs
-    assert known.reflected.sum() >= 1
-    np.testing.assert_array_equal(found.reflected, known.reflected)
-    assert difference(found, known) < 1e-12
 
 
 def struck(speed: float) -> deli.Scene:
