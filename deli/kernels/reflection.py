@@ -24,10 +24,11 @@ _SMALL = 1000  # degrees of freedom up to which every pass is compared with the 
 def _pass(machine: Machine, taken: int) -> tuple[int, int]:
     """Reflect off the first `taken` rows of ``work.pressing``, island by island; return a code and how many."""
     system, method, tally = machine.system, machine.method, machine.tally
-    numerical = method.numerical and system.curved
-    other = numerical or method.shadow.size > 0
+    numerical, shadow = method.numerical and system.curved, method.shadow.size > 0
+    other = numerical or shadow
     before = tally.counts[0, REFLECTION]
-    groups = connect(machine, taken, False, system.coupled or numerical or not method.skip)
+    # Each island has a share of its own that conserves the shadow energy, whether or not solvers are skipped.
+    groups = connect(machine, taken, False, system.coupled or numerical or not (method.skip or shadow))
     for group in range(groups):
         code = (
             call(machine.hooks.numerical, address_of(machine), group, 0, 0) if other else turn_back(machine, group, 1.0)

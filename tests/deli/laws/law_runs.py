@@ -8,6 +8,7 @@ import deli
 
 SOLVED_STATUSES = {0, 1, 4}  # skipped, solved, not used
 EPSILON = np.finfo(float).eps
+STILL = 1e-8  # speed, as a share of that of all bodies, below which a contact does not move
 PERTURBATION = 1e-9  # below the contact tolerance, so that contacts stay what they are
 
 
@@ -120,3 +121,14 @@ def growth(of: Run, method: object, step_size: float, **options: object) -> floa
         np.abs(disturbed.momentum - of.momentum[1:]).max() / momentum,
     )
     return max(1.0, float(moved) / PERTURBATION)
+
+
+def resolution(of: Run) -> float:
+    """To what an impulse can be found from an energy, relative to the momenta: rounding over the slowest separation."""
+    scene, slowest = of.scene, 1.0
+    for step in np.flatnonzero(of.reflected):
+        jacobian = scene.unilateral.jacobian(of.position[step + 1])
+        velocity = of.momentum[step + 1] / scene.mass
+        speeds = np.abs(jacobian @ velocity) / np.abs(velocity).max()
+        slowest = min(slowest, speeds[speeds > STILL].min(initial=1.0))
+    return 50 * EPSILON * of.reflected.sum() / slowest

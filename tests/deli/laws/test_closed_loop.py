@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from law_cases import BACKEND, ENERGIES, MANY_BODIES, REFLECTION, SCHEMES, SELECTIONS, Case, crowded_chain
+from law_cases import BACKEND, ENERGIES, MANY_BODIES, REFLECTION, SCHEMES, SELECTIONS, SHADOWS, Case, crowded_chain
 from law_runs import Run, angular_momentum, run
 from random_scenes import random_scene
 
@@ -52,7 +52,7 @@ PAPER = [
 
 
 @pytest.mark.parametrize("case", [pytest.param(case, id=case.name) for case in PAPER + MANY_BODIES])
-@ENERGY
+@pytest.mark.parametrize("energy", [*ENERGIES, *SHADOWS])
 def test_every_scene_is_admissible_and_keeps_its_momenta(case: Case, energy: str) -> None:
     scene = case.build()
     of = run(scene, deli.GVI(scheme=case.scheme, energy=energy, predictor="closed_loop"), case.step_size, case.steps)
@@ -82,7 +82,7 @@ def test_every_backend_is_admissible_to_the_contact_tolerance(name: str, backend
 
 
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(st.randoms(), st.sampled_from(SCHEMES), st.sampled_from(SELECTIONS), st.sampled_from(ENERGIES))
+@given(st.randoms(), st.sampled_from(SCHEMES), st.sampled_from(SELECTIONS), st.sampled_from([*ENERGIES, *SHADOWS]))
 def test_random_scenes_are_admissible_or_say_why_not(
     random: Random, scheme: str, selection: tuple[str, str], energy: str
 ) -> None:

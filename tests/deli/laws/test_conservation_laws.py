@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from law_cases import BACKEND, CASE, CASE_BY_NAME, CASES, METHOD, SCHEMES, Case
+from law_cases import BACKEND, CASE, CASE_BY_NAME, CASES, METHOD, SCHEMES, Case, resolved
 from law_reference import Reference
 from law_runs import SOLVED_STATUSES, Run, angular_momentum, run, sizes
 
@@ -42,12 +42,13 @@ def check(of: Run) -> None:
 @CASE
 @METHOD
 def test_every_method_keeps_momentum_maps_and_constraints(case: Case, method: object) -> None:
+    case = resolved(case, method)
     check(run(case.build(), method, case.step_size, case.steps))
 
 
 @CASE
 @BACKEND
-@pytest.mark.parametrize("energy", ["hamiltonian", "numerical"])
+@pytest.mark.parametrize("energy", ["hamiltonian", "numerical", pytest.param("shadow8", marks=pytest.mark.long)])
 def test_every_backend_keeps_momentum_maps_and_constraints(case: Case, backend: str, energy: str) -> None:
     predictor = "forward" if energy == "hamiltonian" else "closed_loop"
     method = deli.GVI(scheme=case.scheme, energy=energy, predictor=predictor)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from law_cases import BACKEND, CASE, CASE_BY_NAME, SCHEMES, SKIP, Case
+from law_cases import BACKEND, CASE, CASE_BY_NAME, PREDICTORS, SCHEMES, SHADOWS, SKIP, Case
 from law_runs import Run, run
 
 import deli
@@ -12,7 +12,17 @@ MANY_SHAPES = ("spring_sphere_mixed", "newtons_cradle", "discs")
 
 def methods(case: Case) -> list[object]:
     numerical = deli.GVI(scheme=case.scheme, energy="numerical", predictor="closed_loop")
-    return [deli.GVI(scheme=case.scheme), numerical, deli.DiscreteSmooth(scheme=case.scheme), deli.NonsmoothAlpha()]
+    shadows = [
+        deli.GVI(scheme=case.scheme, energy=energy, predictor=predictor)
+        for energy, predictor in zip(SHADOWS, PREDICTORS, strict=True)
+    ]
+    return [
+        deli.GVI(scheme=case.scheme),
+        numerical,
+        *shadows,
+        deli.DiscreteSmooth(scheme=case.scheme),
+        deli.NonsmoothAlpha(),
+    ]
 
 
 def assert_same(one: Run, other: Run, since: int = 0) -> None:

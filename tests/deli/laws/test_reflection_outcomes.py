@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from law_cases import BACKEND, ENERGIES, REFLECTION, SKIP
+from law_cases import BACKEND, ENERGIES, REFLECTION, SHADOWS, SKIP
 from law_runs import angular_momentum
 
 import deli
 
-ENERGY = pytest.mark.parametrize("energy", ENERGIES)
+ENERGY = pytest.mark.parametrize("energy", [*ENERGIES, *SHADOWS])
 
 
 @REFLECTION

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from law_cases import METHODS
+from law_cases import FEW_SHADOW_METHODS, METHODS
 from law_runs import difference, growth, run
 
 import deli
@@ -71,7 +71,7 @@ def pogo_stick() -> tuple[deli.Scene, deli.Scene]:
 
 
 @pytest.mark.parametrize("solvers", ["native", "daqp"])
-@pytest.mark.parametrize("method", METHODS, ids=str)
+@pytest.mark.parametrize("method", [*METHODS, *FEW_SHADOW_METHODS], ids=str)
 @pytest.mark.parametrize(("build", "step_size", "steps"), [(cradle, 0.02, 50), (pogo_stick, 0.05, 60)])
 def test_functions_move_as_tables_do(build, step_size, steps, method, solvers) -> None:
     table, functions = build()
