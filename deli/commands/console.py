@@ -55,6 +55,9 @@ def guarded(command: Callable[Parameters, Result]) -> Callable[Parameters, Resul
         except DeliError as error:
             complain(error)
             raise typer.Exit(RUN_FAILED) from error
+        except OSError as error:
+            complain(f"{error}. Is the disk full, or a folder gone or not writable?")
+            raise typer.Exit(RUN_FAILED) from error
         except KeyboardInterrupt as error:  # before a run began, or after it
             complain(str(error) or "stopped by SIGINT.")
             raise typer.Exit(RUN_FAILED) from error

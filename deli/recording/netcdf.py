@@ -12,6 +12,7 @@ from typing import Any, BinaryIO
 from weakref import WeakValueDictionary
 
 import netCDF4
+import psutil
 
 from deli.errors import DeliError, InputError
 from deli.recording import chunks
@@ -287,7 +288,10 @@ def _hold(path: Path, identity: tuple[int, int, int] | None = None) -> BinaryIO 
 def _sweep(path: Path) -> None:
     """Remove what processes that were killed have left of files that they had just begun."""
     for left in path.parent.glob(f"{glob.escape(path.name)}.*.new"):
-        with suppress(Busy, FileNotFoundError):
+        process = left.suffixes[-2][1:]
+        if not process.isdigit() or psutil.pid_exists(int(process)):
+            continue
+        with suppress(Busy, FileNotFoundError):  # a process on another machine holds it, or has removed it
             held = _hold(left)
             left.unlink()
             if held is not None:

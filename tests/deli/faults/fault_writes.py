@@ -2,7 +2,7 @@
 
 import re
 
-CALLS = "openat,close,pwrite64,ftruncate,sendfile,copy_file_range,rename"
+CALLS = "openat,close,pwrite64,ftruncate,fallocate,sendfile,copy_file_range,rename"
 CALL = re.compile(r"\d+ +(\w+)\((.*)\) += (\d+)")
 WRITE = re.compile(r'(\d+), "([^"]*)", (\d+), (\d+)')
 
@@ -10,7 +10,7 @@ WRITE = re.compile(r'(\d+), "([^"]*)", (\d+), (\d+)')
 def states(log, path):
     """Contents that `path` had, one after the other, as the process that was traced wrote it."""
     files, names, open_files, last = {}, {}, {}, None
-    for line in log.open():
+    for line in log.read_text().splitlines():
         match = CALL.match(line)
         if match is None:
             continue
@@ -18,7 +18,7 @@ def states(log, path):
         texts = [bytes.fromhex(text.replace("\\x", "")) for text in re.findall(r'"([^"]*)"', arguments)]
         _apply(files, names, open_files, call, arguments, result, texts)
         found = files.get(names.get(str(path)))
-        if found is not None and call in ("pwrite64", "ftruncate", "rename") and bytes(found) != last:
+        if found is not None and call in ("pwrite64", "ftruncate", "fallocate", "rename") and bytes(found) != last:
             last = bytes(found)
             yield last
 
@@ -49,6 +49,11 @@ def _apply(files, names, open_files, call, arguments, result, texts):
             content = files[open_files[descriptor]]
             del content[length:]
             content.extend(bytes(length - len(content)))
+    elif call == "fallocate":
+        descriptor, _, place, length = map(int, arguments.split(", "))
+        if descriptor in open_files:
+            content = files[open_files[descriptor]]
+            content.extend(bytes(max(0, place + length - len(content))))
     elif call in ("sendfile", "copy_file_range"):
         numbers = arguments.split(", ")
         target, source = (numbers[0], numbers[1]) if call == "sendfile" else (numbers[2], numbers[0])

@@ -42,6 +42,7 @@ class Nest:
         self._process = subprocess.Popen(
             [sys.executable, __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=folder
         )
+        assert self._process.stdout.readline() == "ready\n"
 
     def close(self) -> None:
         self._process.communicate("", timeout=60)
@@ -77,6 +78,7 @@ def serve() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what commands print is no answer
     for warm_up in WARM_UP:  # imports and compiles what commands need
         app(warm_up, standalone_mode=False)
+    print("ready", file=answers, flush=True)
     for line in sys.stdin:
         order = json.loads(line)
         if "end" in order:

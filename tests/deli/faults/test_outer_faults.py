@@ -88,6 +88,7 @@ class TestDiskFull:
             Path("filling").write_bytes(bytes(16_000_000))
         require_said(nest.call("animate", "run.nc", "--dpi", "60", "-q"), RUN_FAILED, "run.gif could not be written")
         assert sorted(os.listdir()) == ["filling", "run.nc"]
+        require_said(nest.call("plot", "run.nc", "-o", "run.png"), RUN_FAILED, "No space left")
 
     @pytest.mark.long
     def test_a_study_whose_disk_is_full(self, nest, disk):
@@ -237,6 +238,23 @@ class TestSignals:
         run_of(50)
         assert len(asked) >= 2
         require_right_end("run.nc", whole)
+
+
+    @pytest.mark.long
+    @pytest.mark.parametrize("first", [signal.SIGINT, signal.SIGTERM])
+    def test_twice_at_a_study(self, nest, folder, first):
+        """Its workers end their steps and write their rows all the same."""
+        Path("study.toml").write_text(STUDY.replace("20_000", "100_000"))
+        command = ("study", "study.toml", "-o", "out", "--workers", "1", "-q")
+        pid = nest.start(*command)
+        wait_for(lambda: list(Path().glob("out/cases/*.partial")))
+        for number in (first, signal.SIGINT, signal.SIGTERM):
+            os.kill(pid, number)
+            time.sleep(0.1)
+        require_said(nest.end(pid), RUN_FAILED, f"interrupted by {first.name}", "The same command continues")
+        assert (deli.open_study("out").state != "done").any()
+        assert nest.call(*command).status == DONE
+        assert (deli.open_study("out").state == "done").all()
 
 
 class TestClocks:

@@ -12,7 +12,7 @@ from running import assert_same
 import deli
 import solvers.errors
 from deli.integrators.bound import Bound
-from deli.recording import netcdf
+from deli.recording import contents
 
 SEED = 20120506
 
@@ -37,7 +37,7 @@ def cut(path, rows):
     shutil.copyfile(path, partial)
     path.unlink()
     with netCDF4.Dataset(partial, "a") as dataset:
-        dataset[netcdf.COMMITTED][...] = rows
+        dataset[contents.COMMITTED][...] = rows
         for group, first in (("trajectory", rows), ("solver_stats", rows - 1)):
             for variable in dataset[group].variables.values():
                 if variable.dimensions[0] in ("time", "step"):

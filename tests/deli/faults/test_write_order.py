@@ -17,12 +17,14 @@ from fault_cases import require_right_end, require_right_rows, undisturbed
 from fault_writes import CALLS, states
 
 import deli
-from deli.recording import chunks, netcdf
+from deli.recording import chunks, contents, netcdf
 from deli.recording.netcdf import Writer
+from deli.recording.reading import read_unfinished
 from deli.recording.schema import STATS, TRAJECTORY, Schema
 
 SUPERBLOCK = 48
 SCHEMA = Schema(2, 2)
+ATTRIBUTES = deli.simulate(deli.scenes.wedge(), deli.GVI(), step_size=0.01, steps=1).attrs
 
 
 def block(group, begin, end):
@@ -51,7 +53,7 @@ def require_rows(path, rows):
 
 @pytest.fixture
 def writer(tmp_path):
-    found = Writer.create(tmp_path / "run.nc.partial", SCHEMA, {"Conventions": "deli-2", "outcome": "unfinished"})
+    found = Writer(tmp_path / "run.nc.partial", SCHEMA, ATTRIBUTES)
     yield found
     found.abandon()
 
@@ -82,9 +84,9 @@ def test_a_commit_that_lacks_the_library_s_last_write_is_continued(writer, tmp_p
     torn = tmp_path / "torn.nc.partial"
     torn.write_bytes(before[:SUPERBLOCK] + writer.path.read_bytes()[SUPERBLOCK:])
     with netCDF4.Dataset(torn, "a") as dataset:
-        dataset[netcdf.COMMITTED][...] = 100
+        dataset[contents.COMMITTED][...] = 100
     require_rows(torn, 100)
-    again = Writer.reopen(torn)
+    again = Writer(torn, SCHEMA, ATTRIBUTES, read_unfinished(torn))
     write(again, 100, 1200)
     require_rows(again.close({"outcome": "complete"}, tmp_path / "torn.nc"), 1200)
 
