@@ -21,6 +21,7 @@ from deli.recording import chunks, contents, netcdf
 from deli.recording.netcdf import Writer
 from deli.recording.reading import read_unfinished
 from deli.recording.schema import STATS, TRAJECTORY, Schema
+from deli.subproblems.stats import STATUS_MEANINGS
 
 SUPERBLOCK = 48
 SCHEMA = Schema(2, 2)
@@ -34,6 +35,7 @@ def block(group, begin, end):
         if variable.grows:
             shape = (end - begin, *(SCHEMA.sizes[dimension] for dimension in variable.dims[1:]))
             rows = np.arange(begin, end).reshape(-1, *[1] * (len(shape) - 1))
+            rows = rows % len(STATUS_MEANINGS) if variable.name == "status" else rows
             found[variable.name] = np.broadcast_to(rows, shape).astype(variable.dtype)
     return found
 
