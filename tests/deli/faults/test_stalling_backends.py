@@ -167,11 +167,16 @@ STATES = {
 }
 
 
-@pytest.mark.parametrize("faults", [("stall", "crash", "noise"), pytest.param(tuple(STATES), marks=pytest.mark.long)])
+@pytest.mark.parametrize("faults", [("crash", "noise"), pytest.param(tuple(STATES), marks=pytest.mark.long)])
 def test_a_study_records_what_becomes_of_each_case(folder, environment, honest_rows, faults):
     cases = [{"label": name, "solvers": choice(name, 30)} for name in faults]
     cases.append({"label": "honest", "solvers": choice("stall", 1000)})
-    table = {"base": {**SPHERE, "steps": 60}, "cases": cases, "limits": {"time": 4.0}, "workers": 1}
+    table = {
+        "base": {**SPHERE, "steps": 60},
+        "cases": cases,
+        "limits": {"time": 4.0 if "stall" in faults else 60.0},
+        "workers": 1,
+    }
     (folder / "study.toml").write_text(tomli_w.dumps(table))
     process = deli_process("study", "study.toml", cwd=folder, env=environment)
     try:
@@ -185,7 +190,7 @@ def test_a_study_records_what_becomes_of_each_case(folder, environment, honest_r
     found = deli.open_study("study")
     states, outcomes = (dict(zip(found.case.values, found[name].values, strict=True)) for name in ("state", "outcome"))
     assert states == {**{name: STATES[name] for name in faults}, "honest": "done"}
-    assert outcomes["stall"] == "timed out: limit 4 s"
+    assert outcomes.get("stall", "timed out: limit 4 s") == "timed out: limit 4 s"
     assert outcomes["crash"] == "killed: by SIGSEGV"
     assert outcomes.get("exit_at_once", "killed: exit status 3") == "killed: exit status 3"
     assert_right(found.deli.run(case="honest"), honest_rows, 61)
