@@ -93,17 +93,20 @@ def reflection_metric(scene: Scene, scheme: Scheme, q: Array, step_size: float) 
     """
     factor = 2.0 * scheme.numerical_curvature
     hessian = potential_hessian(scene, q)
-    metric = factor * step_size**2 * hessian / np.outer(scene.mass, scene.mass)
-    metric[np.diag_indices_from(metric)] += 1.0 / scene.mass
+    with np.errstate(all="ignore"):
+        metric = factor * step_size * step_size * hessian / np.outer(scene.mass, scene.mass)
+        metric[np.diag_indices_from(metric)] += 1.0 / scene.mass
+    if not np.isfinite(metric).all():
+        raise StepError(f"energy 'numerical': the metric of a step of {step_size:g} is not finite; use a smaller one.")
     try:
         np.linalg.cholesky(metric)
     except np.linalg.LinAlgError as error:
         root = np.sqrt(scene.mass)
         strongest = float(np.linalg.eigvalsh(-factor * hessian / np.outer(root, root)).max())
+        below = f"a step_size below {strongest**-0.5:.3g}" if strongest > 0.0 else "a smaller one"
         raise StepError(
             f"energy 'numerical': step_size {step_size:g} is too large for the {scheme.name} scheme's numerical "
-            f"Hamiltonian, which is not positive definite in the momentum here; take a step_size below "
-            f"{strongest**-0.5:.3g}, or energy = 'hamiltonian'"
+            f"Hamiltonian, which is not positive definite in the momentum here; take {below}, or energy = 'hamiltonian'"
         ) from error
     return metric
 

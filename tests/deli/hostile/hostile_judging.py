@@ -16,7 +16,7 @@ KEYS = (
     "cases", "exclude", "reference", "limits", "workers", "plots", "title", "base", "values", "labels", "label",
     "count", "panels", "view", "runs", "config", "quick", "claim", "notes", "dimension", "--set",
 )  # fmt: skip
-PLACE = re.compile(r"at line \d+|at end of document|nested more than")
+PLACE = re.compile(r"at line \d+|at end of document|nested more than|is a key with the control character")
 
 
 def judge(outcome: Outcome, *keys: str) -> Outcome:
