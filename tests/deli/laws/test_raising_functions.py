@@ -41,7 +41,7 @@ class Fuse:
 
 
 def swing(fuse: Fuse, above: float) -> deli.Scene:
-    """Two masses on a rod under gravity: one slides on a curved floor, or is above it; the other falls on a flat one."""
+    """Two masses on a rod under gravity: one is on a curved floor, or above it, the other over a flat one."""
     pull = np.array([0.0, 9.8, 0.0, 9.8])
 
     def gaps(q):
