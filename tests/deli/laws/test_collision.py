@@ -41,6 +41,16 @@ def test_a_bouncing_ball_follows_the_exact_solution(scheme: str, energy: str, or
     assert (ball.smooth == 0).all()
 
 
+@SCHEME
+@pytest.mark.parametrize("energy", ["hamiltonian", "numerical"])
+def test_a_contact_that_is_closed_at_the_start_is_met_there(scheme: str, energy: str) -> None:
+    ball = deli.scenes.point_mass()
+    h, speed = 0.1, 3.0
+    x, p = deli.Collision(scheme, energy).stepper(ball, h).step(np.zeros(1), -speed * ball.mass)
+    np.testing.assert_allclose(x, speed * h - 4.9 * h**2, rtol=1e-12)
+    np.testing.assert_allclose(p / ball.mass, speed - 9.8 * h, rtol=1e-12)
+
+
 @pytest.mark.parametrize("rods", [3, 10])
 def test_hard_rods_are_free_points_in_their_order(rods: int) -> None:
     scene, h, steps = deli.scenes.hard_rods(rods=rods), 0.4, 50

@@ -1,5 +1,6 @@
 """Shadow energies: the order to which smooth steps keep them, and what reflections do to them."""
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -153,3 +154,37 @@ def test_a_reflection_that_needs_a_step_size_says_so():
     scene = pressed()
     with pytest.raises(deli.InputError, match="energy='shadow4' needs a step_size"):
         deli.reflect(scene, scene.position, scene.momentum, energy="shadow4")
+
+
+def as_functions(scene):
+    """The same scene, of whose constraints only values and gradients are known."""
+    unilateral, bilateral = (
+        [deli.Constraints(value=stack.value, jacobian=stack.jacobian)] if stack.rows else []
+        for stack in (scene.unilateral, scene.bilateral)
+    )
+    return dataclasses.replace(scene, unilateral=unilateral, bilateral=bilateral)
+
+
+@pytest.mark.parametrize("scheme", ["midpoint", "verlet"])
+@pytest.mark.parametrize("order", [2, 4, 6])
+@pytest.mark.parametrize("build", [pressed, linked])
+def test_constraints_that_are_functions_are_reflected_off_alike(build, order, scheme):
+    options = {"energy": f"shadow{order}", "scheme": scheme, "step_size": 0.05}
+    scene = build()
+    known, found = (
+        deli.reflect(each, each.position, each.momentum, **options) for each in (scene, as_functions(scene))
+    )
+    assert np.abs(known - scene.momentum).max() > 0.1
+    np.testing.assert_allclose(found, known, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("scheme", ["midpoint", "verlet"])
+@pytest.mark.parametrize("case", ["resting", "rods"])
+def test_constraints_that_are_functions_are_measured_alike(case, scheme):
+    build, settings, step_size, _ = SMOOTH[case]
+    scene = build(**settings)
+    levels = []
+    for each in (scene, as_functions(scene)):
+        run = deli.simulate(each, deli.DiscreteSmooth(scheme), step_size=step_size, steps=5)
+        levels.append(metrics.shadow_energy(run, 4, each).values)
+    np.testing.assert_allclose(levels[1], levels[0], rtol=1e-10)
