@@ -13,7 +13,8 @@ from deli.kernels.advance import BLOCK, Block
 from deli.kernels.record import Record, Records
 from deli.mechanics.scene import Scene
 from deli.memory import available_memory
-from deli.recording import netcdf
+from deli.recording.contents import LIBRARY
+from deli.recording.holding import RecordingError
 from deli.recording.recorder import STAT_NAMES, named_diagnostics
 from deli.recording.schema import STATS, TRAJECTORY, Schema, Variable, coordinates
 from deli.subproblems.stats import COUNTS, UNUSED
@@ -117,11 +118,11 @@ def write(tree: xr.DataTree, path: Path) -> None:
     """Write a tree to a file that appears under its name when it is whole."""
     fresh = path.with_name(f"{path.name}.new")
     try:
-        with netcdf.LIBRARY:
+        with LIBRARY:
             tree.to_netcdf(fresh, engine="netcdf4")
         os.replace(fresh, path)
     except OSError as error:
-        raise netcdf.RecordingError(f"{path} could not be written ({error}). Is the disk full?") from error
+        raise RecordingError(f"{path} could not be written ({error}). Is the disk full?") from error
 
 
 def check_labels(labels: Mapping[str, Any] | None, members: int, schema: Schema) -> dict[str, np.ndarray]:

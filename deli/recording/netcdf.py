@@ -1,38 +1,28 @@
 """Runs on disk: rows appended to ``<output>.partial``, the finished file appearing under its own name by rename."""
 
 import fcntl
-import glob
 import os
 import shutil
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 from weakref import WeakValueDictionary
 
 import netCDF4
-import psutil
 
-from deli.errors import DeliError, InputError
 from deli.recording import chunks
 from deli.recording.checksums import Checksums
 from deli.recording.contents import COMMITTED, COMMITTED_PROBLEMS, LIBRARY, WALL_TIME, attributes_of
 from deli.recording.file_layout import first_chunks, lay_out
+from deli.recording.holding import Busy, beside, hold, recording, sweep, which
 from deli.recording.schema import POSED, STATS, TRAJECTORY, Block, Schema
 from deli.recording.seal import seal
 from deli.recording.subproblems import COUNTED, taken
-from deli.recording.unfinished import Unfinished, identity_of
+from deli.recording.unfinished import Unfinished
 
 _writers: WeakValueDictionary[Path, "Writer"] = WeakValueDictionary()
-
-
-class RecordingError(DeliError):
-    """Rows could not be written: a full disk, a vanished folder."""
-
-
-class Busy(InputError):
-    """Another process is writing the file."""
 
 
 def being_written(path: Path) -> bool:
@@ -88,11 +78,13 @@ class Writer:
         self._started = time.perf_counter()
         self._key = path.resolve()
         self._place = path.with_name(f"{path.name}.{os.getpid()}.new")
-        with LIBRARY, _recording(path, "the file"):
-            self._replaced = _hold(path, found.identity if found else None)
-            _sweep(path)
+        with LIBRARY, recording(path, "the file"):
+            if being_written(path):
+                raise Busy(f"{path} is being written; is another run writing it in this process?")
+            self._replaced = hold(path, found.identity if found else None)
+            sweep(path)
             self._dataset = _fresh(self._place)
-            self._identity = _which(self._place)
+            self._identity = which(self._place)
             _writers[self._key] = self
             lay_out(self._dataset, schema, attributes, self._chunks)
             self._checksums.lay_out(self._dataset)
@@ -128,7 +120,7 @@ class Writer:
             If they cannot be written, or the file is no longer there.
         """
         rows = first_row + len(trajectory["time"])
-        with LIBRARY, _recording(self.path, f"rows from {first_row} on"):
+        with LIBRARY, recording(self.path, f"rows from {first_row} on"):
             self._require_own()
             self._make_room({"time": rows, "step": rows - 1, **self._ends_with(problems)})
             self._append(TRAJECTORY, first_row, trajectory)
@@ -156,10 +148,10 @@ class Writer:
         RecordingError
             If that is not possible; the rows are in the partial file still.
         """
-        with LIBRARY, _recording(self.path, "its end"):
+        with LIBRARY, recording(self.path, "its end"):
             self._require_own()
             self._dataset.sync()
-            fresh = _beside(self.path)
+            fresh = beside(self.path)
             fresh.unlink(missing_ok=True)  # it may be a link to elsewhere
             shutil.copyfile(self.path, fresh)
             with netCDF4.Dataset(fresh, "a") as dataset:
@@ -176,7 +168,7 @@ class Writer:
     def abandon(self) -> None:
         """Let go of the file: what is committed stays."""
         _writers.pop(self._key, None)
-        left = self._place if self._place != self.path else _beside(self.path)
+        left = self._place if self._place != self.path else beside(self.path)
         with LIBRARY, suppress(OSError, RuntimeError):  # what cannot be written was not committed, and has been told
             left.unlink(missing_ok=True)
             self._dataset.close()
@@ -201,7 +193,7 @@ class Writer:
     def _rewrite(self, lengths: dict[str, int]) -> None:
         """Go on in a copy of what is committed, with chunks of these lengths."""
         ends = {"time": self.rows, "step": max(self.rows - 1, 0), **self.ends}
-        fresh = _beside(self.path)
+        fresh = beside(self.path)
         dataset = _fresh(fresh)
         chunks.copy(self._dataset, dataset, ends, lengths)
         if self.ends:
@@ -209,12 +201,12 @@ class Writer:
         dataset.sync()
         os.replace(fresh, self._place)
         before, self._dataset, self._chunks = self._dataset, dataset, lengths
-        self._reserved, self._identity = 0, _which(self._place)
+        self._reserved, self._identity = 0, which(self._place)
         before.close()
 
     def _require_own(self) -> None:
         """Refuse to go on with a file that nobody would find."""
-        if _which(self._place) != self._identity:
+        if which(self._place) != self._identity:
             raise OSError(f"{self._place.name} is another file now; is another run writing it?")
 
     def _count(self, what: str, number: int) -> None:
@@ -249,65 +241,6 @@ class Writer:
                 self._dataset[group][name][first : first + len(values)] = values
 
 
-@contextmanager
-def _recording(path: Path, what: str) -> Iterator[None]:
-    """Say what could not be written, and that what is committed is safe."""
-    try:
-        yield
-    except (OSError, RuntimeError) as error:
-        raise RecordingError(
-            f"{path}: {what} could not be written ({error}); rows that were committed before are safe. "
-            "Is the disk full, or the folder gone? Mend it, and resume."
-        ) from error
-
-
-def _hold(path: Path, identity: tuple[int, int, int] | None = None) -> BinaryIO | None:
-    """Keep others from a file that is to be replaced, until what is returned is closed; None without a file.
-
-    Raises
-    ------
-    Busy
-        If somebody writes it, or has done so since it was the one of that `identity`.
-    """
-    if being_written(path):
-        raise InputError(f"{path} is being written; is another run writing it in this process?")
-    if not path.exists():
-        return None
-    file = path.open("rb+")
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # as HDF5 does
-    except BlockingIOError as error:
-        file.close()
-        raise Busy(f"{path} cannot be written; is another run writing it?") from error
-    if identity not in (None, identity_of(path)):
-        file.close()
-        raise Busy(f"{path} has just been written by another run.")
-    return file
-
-
-def _sweep(path: Path) -> None:
-    """Remove what processes that were killed have left of files that they had just begun."""
-    for left in path.parent.glob(f"{glob.escape(path.name)}.*.new"):
-        process = left.suffixes[-2][1:]
-        if not process.isdigit() or psutil.pid_exists(int(process)):
-            continue
-        with suppress(Busy, FileNotFoundError):  # a process on another machine holds it, or has removed it
-            held = _hold(left)
-            left.unlink()
-            if held is not None:
-                held.close()
-
-
-def _beside(path: Path) -> Path:
-    """Where the holder of a file prepares what is to take its place."""
-    return path.with_name(f"{path.name}.new")
-
-
 def _fresh(path: Path) -> netCDF4.Dataset:
     path.unlink(missing_ok=True)  # it may be a link to elsewhere
     return netCDF4.Dataset(path, "w", format="NETCDF4")
-
-
-def _which(path: Path) -> tuple[int, int]:
-    found = path.stat()
-    return found.st_dev, found.st_ino

@@ -13,6 +13,7 @@ import xarray as xr
 from deli.errors import InputError
 from deli.mechanics import energies
 from deli.recording import netcdf, provenance
+from deli.recording.holding import RecordingError
 from deli.recording.paths import partial_path
 from deli.recording.reading import read, read_unfinished
 from deli.recording.recorder import BLOCK_ROWS, Memory, Recorder, diagnose
@@ -80,7 +81,7 @@ class Session:
         try:
             with stop:
                 outcome, run = self._go(stop)
-        except netcdf.RecordingError:
+        except RecordingError:
             self._abandon()
             raise
         if outcome.startswith(INTERRUPTED):
@@ -97,7 +98,7 @@ class Session:
         except KeyboardInterrupt:
             by = f" by {stop.reason}" if stop.reason else ""
             outcome = f"{INTERRUPTED}{by} after step {self._step}, in the middle of the next"
-        except netcdf.RecordingError:
+        except RecordingError:
             raise
         except BaseException as error:  # an exit and a panic in Rust are no Exception
             outcome = self._failure(f"{type(error).__name__}: {error}")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from deli.errors import InputError
-from deli.recording.netcdf import RecordingError
+from deli.recording.holding import RecordingError
 
 MANIFEST, CASES = "manifest.json", "cases"
 PICTURES, TEXT, PAGE = REPORT = ("report", "report.md", "report.html")

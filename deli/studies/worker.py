@@ -81,7 +81,7 @@ def _prepare() -> None:
 
 def _carry_out(order: Order, answers: TextIO) -> dict[str, Any]:
     """Run a case and measure it; return how it ended."""
-    from deli.recording.netcdf import RecordingError
+    from deli.recording.holding import RecordingError
     from deli.running.interrupts import Interrupted
     from deli.studies.states import DONE, FAILED, INTERRUPTED, OUT_OF_MEMORY
 
@@ -128,7 +128,7 @@ def _run(order: Order, report: Any) -> dict[str, str]:
     import tomli_w
 
     from deli.config import parse
-    from deli.recording.netcdf import Busy
+    from deli.recording.holding import Busy
     from deli.simulation import run_plan
     from deli.studies.layout import config_path, write_whole
     from deli.studies.measuring import measure

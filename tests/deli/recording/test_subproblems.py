@@ -11,7 +11,7 @@ from running import assert_same, call, refused
 
 import deli
 import solvers
-from deli.recording import netcdf
+from deli.recording import contents, netcdf
 from deli.recording.reading import read_subproblems
 from solvers import Answer, Backend, Status
 
@@ -175,7 +175,7 @@ def killed_before_rows(count):
     begun = []
 
     def counted(self, what, number):
-        if what == netcdf.COMMITTED:
+        if what == contents.COMMITTED:
             begun.append(number)
             if len(begun) > 1:
                 raise Killed

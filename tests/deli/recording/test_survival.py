@@ -12,7 +12,7 @@ import xarray as xr
 
 import deli
 from deli.errors import InputError
-from deli.recording import netcdf
+from deli.recording import contents, holding, netcdf
 from deli.recording.recorder import BLOCK_ROWS, Memory, Recorder
 from deli.recording.schema import Schema
 
@@ -98,7 +98,7 @@ def test_only_committed_rows_are_read(tmp_path):
     path = tmp_path / "run.nc"
     run = deli.simulate(deli.scenes.point_mass(), deli.GVI(), step_size=0.01, steps=20, output=path)
     with netCDF4.Dataset(path, "a") as dataset:
-        dataset[netcdf.COMMITTED][...] = 11
+        dataset[contents.COMMITTED][...] = 11
     torn = deli.open_run(path)
     xr.testing.assert_identical(torn["trajectory"].to_dataset(), run["trajectory"].to_dataset().isel(time=slice(11)))
     assert torn["solver_stats"].sizes["step"] == 10
@@ -143,7 +143,7 @@ def test_rows_that_cannot_be_written_are_an_error(tmp_path, monkeypatch):
             raise RuntimeError("NetCDF: HDF error")
 
     monkeypatch.setattr(netcdf.Writer, "_append", full)
-    with pytest.raises(netcdf.RecordingError, match="Is the disk full"):
+    with pytest.raises(holding.RecordingError, match="Is the disk full"):
         deli.simulate(deli.scenes.point_mass(), deli.GVI(), step_size=0.01, steps=5, output=path)
     assert not path.exists()
 
