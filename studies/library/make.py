@@ -14,8 +14,8 @@ import xarray as xr
 
 import deli
 from deli.recording.reading import read_subproblems
-from deli.recording.seal import seal
 from deli.recording.schema import POSED
+from deli.recording.seal import seal
 from deli.recording.subproblems import ORIGIN, SUBPROBLEM_VARIABLES, pack
 
 SPREAD, DEGENERATE = 4, 3  # kept of each shape
