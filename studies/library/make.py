@@ -15,6 +15,7 @@ import xarray as xr
 import deli
 from deli.recording.reading import read_subproblems
 from deli.recording.schema import POSED
+from deli.recording.seal import seal
 from deli.recording.subproblems import ORIGIN, SUBPROBLEM_VARIABLES, pack
 
 SPREAD, DEGENERATE = 4, 3  # kept of each shape
@@ -187,6 +188,7 @@ def main():
     packed = {name: {"zlib": True, "complevel": 9, "shuffle": True} for name in data if data[name].dims}
     packed[ORIGIN]["dtype"] = "S1"
     data.to_netcdf(output, group=POSED, encoding=packed)
+    seal(output)
     print(f"{len(problems)} problems in {output}, {output.stat().st_size / 1e3:.0f} kB")
 
 
