@@ -239,7 +239,6 @@ class TestSignals:
         assert len(asked) >= 2
         require_right_end("run.nc", whole)
 
-
     @pytest.mark.long
     @pytest.mark.parametrize("first", [signal.SIGINT, signal.SIGTERM])
     def test_twice_at_a_study(self, nest, folder, first):
