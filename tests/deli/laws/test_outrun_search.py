@@ -44,8 +44,9 @@ def test_a_body_from_afar_is_found(predictor: str, dimension: int, moving: int, 
     [deli.GVI(), deli.GVI(predictor="closed_loop"), deli.Collision()],
     ids=["forward", "closed_loop", "events"],
 )
+@pytest.mark.parametrize("solvers", ["native", "daqp"])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_a_blow_that_outruns_the_search_is_taken_again(method: object, sign: float) -> None:
+def test_a_blow_that_outruns_the_search_is_taken_again(method: object, solvers: str, sign: float) -> None:
     """Through balls in touch, each lighter than the one before, the last is struck off four times as fast at least."""
     bodies, runs = 5, []
     for pairs in (None, list(zip(*np.triu_indices(bodies, 1), strict=True))):
@@ -56,7 +57,7 @@ def test_a_blow_that_outruns_the_search_is_taken_again(method: object, sign: flo
             unilateral=deli.SpheresApart(pairs=pairs, distance=1.0),
             dimension=1,
         )
-        runs.append(run(scene, method, 0.1, 4))
+        runs.append(run(scene, method, 0.1, 4, solvers=solvers))
     found, known = runs
     assert np.abs(known.momentum / scene.mass).max() > 4.0  # which the search does not allow for
     np.testing.assert_array_equal(found.reflected, known.reflected)

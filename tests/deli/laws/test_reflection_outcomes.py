@@ -37,6 +37,25 @@ def row_of_balls(momentum: list[float]) -> deli.Scene:
     )
 
 
+@SKIP
+@pytest.mark.parametrize("dimension", [1, 2, 3])
+def test_two_spheres_turn_back_along_their_line(dimension: int, skip: bool) -> None:
+    line = np.arange(1.0, dimension + 1.0) / np.linalg.norm(np.arange(1.0, dimension + 1.0))
+    mass, along, across = np.array([1.0, 3.0]), np.array([2.0, -1.0]), np.cos(np.arange(2.0 * dimension))
+    across = across.reshape(2, dimension) - np.outer(across.reshape(2, dimension) @ line, line)
+    scene = deli.Scene(
+        mass=mass,
+        position=np.array([-0.5 * line, 0.5 * line]),
+        momentum=mass[:, np.newaxis] * (np.outer(along, line) + across),
+        unilateral=deli.SpheresApart(pairs=[(0, 1)], distance=1.0),
+        dimension=dimension,
+    )
+    turned = 2.0 * (mass @ along) / mass.sum() - along
+    after = deli.reflect(scene, scene.position, scene.momentum, skip=skip)
+    expected = mass[:, np.newaxis] * (np.outer(turned, line) + across)
+    np.testing.assert_allclose(after.reshape(2, dimension), expected, atol=1e-12)
+
+
 def test_what_comes_back_in_a_later_step_is_no_cycle() -> None:
     """A ball between two walls has, after each bounce, the momentum that it had before the one before."""
     scene = deli.Scene(
