@@ -4,6 +4,7 @@
 
 kick           root mean square change of the shadow energy in a step with an impact
 drift          slope of the shadow energy over the number of impacts, with its standard error
+walk           slope that as many kicks of random signs would leave (root mean square); a smaller drift is not one
 in a million   what a million impacts make of that slope, as a share of H at the start
 wander         largest change of the shadow energy over the run
 
@@ -41,6 +42,7 @@ def gas():
 CASES = {
     "pogo_stick": (lambda: deli.scenes.pogo_stick(momentum=[0.5, -0.5]), "verlet", (0.1, 0.05, 0.025), 0.42),
     "spring_sphere": (lambda: deli.scenes.spring_sphere(start="mixed"), "midpoint", (0.5, 0.25, 0.125), 1.5),
+    "clockwise": (lambda: deli.scenes.spring_sphere(start="mixed", speed=-1.0), "midpoint", (0.5, 0.25, 0.125), 1.5),
     "lennard_jones": (deli.scenes.lennard_jones, "verlet", (0.01, 0.005, 0.0025), 0.9),
     "gas": (gas, "verlet", (0.02, 0.01, 0.005), 0.0055),
 }
@@ -68,6 +70,7 @@ def measure(name, step_size, energy, impacts):
         "kick": np.sqrt(np.mean(kicks**2)),
         "drift": slope.slope,
         "error": slope.error,
+        "walk": np.sqrt(1.2 * np.mean(kicks**2) / struck[-1]),
         "in a million": 1e6 * slope.slope / start,
         "wander": np.abs(level - level[0]).max(),
         "worst gap": float(run["trajectory"]["gap_min"].min()),
