@@ -20,12 +20,6 @@ def seal(path: Path) -> None:
         os.fsync(file.fileno())
 
 
-def unseal(path: Path) -> None:
-    """Cut off a seal, if there is one: who writes to the file must not leave it there."""
-    if _recorded(path) is not None:
-        os.truncate(path, path.stat().st_size - LENGTH)
-
-
 def intact(path: Path) -> bool | None:
     """Whether a file's content is what was sealed; None where there is no seal."""
     recorded = _recorded(path)

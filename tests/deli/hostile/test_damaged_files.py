@@ -21,19 +21,23 @@ from deli.recording.superblock import stated_length
 READERS = ("look", "check", "plot", "animate", "replay")
 
 
+def unseal(path):
+    os.truncate(path, path.stat().st_size - seal.LENGTH)
+
+
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     """A finished file; the same without its seal, as another program leaves it; and what a killed run leaves."""
     folder = tmp_path_factory.mktemp("whole")
     simulate(folder / "sealed.nc")
     shutil.copyfile(folder / "sealed.nc", folder / "unsealed.nc")
-    seal.unseal(folder / "unsealed.nc")
+    unseal(folder / "unsealed.nc")
     deli.simulate(deli.scenes.point_mass(), deli.GVI(), step_size=0.01, steps=3, output=folder / "small.nc")
     writing = netcdf.Writer.close
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(netcdf.Writer, "close", lambda self, attributes, rename: writing(self, {}, None))
         simulate(folder / "killed.nc")
-    seal.unseal(folder / "killed.nc.partial")
+    unseal(folder / "killed.nc.partial")
     return folder
 
 
