@@ -59,7 +59,3 @@ def free_step(scheme: str, q: np.ndarray, p: np.ndarray, h: float) -> np.ndarray
         residual = discrete_slots(scheme, q, x, h)[0] - p
         x = x - np.linalg.solve(np.eye(2) / h + 0.25 * h * stiffness, residual)
     return x
-
-
-def height_after(h: float, scheme: str, q: np.ndarray, p: np.ndarray) -> float:
-    return float(free_step(scheme, q, p, h)[1])

@@ -91,7 +91,11 @@ def test_a_chain_slides_alike_with_every_backend(backend: str) -> None:
         for _ in range(2):
             state = stepper.step(*state)
         assert stepper.backends == {choice}
-        assert stepper.stats.rows[1] > program.LARGEST_DENSE
+        stats = stepper.stats
+        assert stats.rows[1] > program.LARGEST_DENSE
+        assert stats.solves[1] >= 2
+        np.testing.assert_array_equal(stats.verified, stats.solves)
+        assert (stats.claimed <= stats.solves).all()
         states.append(np.concatenate(state))
     np.testing.assert_allclose(states[1], states[0], rtol=0, atol=1e-9)
 
