@@ -79,7 +79,7 @@ class TestDiskFull:
         require_said(ended, RUN_FAILED, "No space left", "safe")
         assert 1 <= require_right_rows(partial, full) < STEPS
         assert os.listdir() == ["run.nc.partial"]
-        require_said(nest.call(*command(STEPS, "--resume"), block_rows=100), RUN_FAILED, "safe")
+        require_said(nest.call(*command(STEPS, "--resume"), block_rows=100), INPUT_AT_FAULT, "MB are free")
         require_right_rows(partial, full)
         disk("size=16m")
         assert nest.call(*command(STEPS, "--resume"), block_rows=100).status == DONE
