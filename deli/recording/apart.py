@@ -64,8 +64,8 @@ def main(file: str, values: bool) -> None:
     def say(**message: Any) -> None:
         output.write(json.dumps(message).encode() + b"\n")
 
-    _limit(path.stat().st_size)
     try:
+        _limit(path.stat().st_size)
         with open_file(path, live=False) as dataset:
             parts = load(dataset, path, values)
             contents = next(parts)
@@ -79,6 +79,8 @@ def main(file: str, values: bool) -> None:
             os._exit(0)  # what damage there is in the library's memory need not be taken apart
     except InputError as error:
         say(refused=str(error))
+    except FileNotFoundError:
+        say(refused=f"{path} is no longer there; is another run writing it?")
 
 
 def _limit(size: int) -> None:

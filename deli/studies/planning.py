@@ -82,6 +82,8 @@ def _of_run(case: Case, file: Path, record: Mapping[str, Any], retry: bool) -> D
         if newer:
             return Decision(case, RUN, newer, fresh=True)
         kept = {key: known[key] for key in KNOWN}
+        if known["outcome"] == "complete" and state in FAILURES and not retry:  # while it was measured
+            return Decision(case, KEEP, str(state))
         if known["outcome"] == "complete":
             return Decision(case, KEEP, "done", record={**kept, "state": DONE, "reason": ""})
         if retry:

@@ -79,4 +79,4 @@ class HiGHS(Backend):
         solution, info = self._solver.getSolution(), self._solver.getInfo()
         message = self._solver.getModelStatus().name
         x, y = np.array(solution.col_value), -np.array(solution.row_dual)
-        return Answer(x, y, STATUS.get(message, Status.FAILED), info.qp_iteration_count, message)
+        return Answer(x, y, STATUS.get(message, Status.FAILED), max(info.qp_iteration_count, 0), message)

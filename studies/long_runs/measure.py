@@ -31,7 +31,7 @@ from deli.recording.paths import partial_path
 from deli.simulation import run_plan
 
 QUICK = 10  # by what steps are divided
-PAUSE_SECONDS = 0.5
+PAUSE_SECONDS = 0.2
 # Rows are recorded at intervals that do not fall in step with the motion.
 RUNS = {
     f"{scene['name']} {' '.join(method.values())}".strip(): {

@@ -147,7 +147,7 @@ class TestFigures:
         at_step(3, interrupt)
         result = call(*small())
         assert result.exit_code == RUN_FAILED
-        assert "interrupted after step 2; 3 rows are in" in result.stderr
+        assert "interrupted after step 2, in the middle of the next; 3 rows are in" in result.stderr
         at_step.restore()
         assert call(*small()).exit_code == DONE
         with xr.open_datatree("made/ball.nc") as data:

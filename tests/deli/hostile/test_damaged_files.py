@@ -54,16 +54,16 @@ def test_a_damaged_file_is_refused_or_is_what_it_was(files, tmp_path, full):
     """Where another program has been at a file and numbers differ, `deli check` must find it."""
     rng = random.Random(1)
     orders, laws = [], []
-    for name, (counts, whats, allowed) in FUZZED.items():
+    for name, (counts, whats, _) in FUZZED.items():
         content = (files / name).read_bytes()
         for number in range(counts[full]):
             path, what = tmp_path / f"{number}-{name}", whats[number % len(whats)]
             data, damage = damaged(content, rng)
             path.write_bytes(data)
             orders.append([what, str(path), str(files / "sealed.nc")])
-            unseen = data == content or (name == "sealed.nc" and damage.startswith(("cut", "longer")))
-            may = set(allowed) - ({"other"} if what == "check" else set())
-            laws.append((may | {"same"} if unseen else may, damage))
+            taken = name == "sealed.nc" and seal.intact(path) is None  # what was damaged is the seal
+            may = set(FUZZED["unsealed.nc" if taken else name][2]) - ({"other"} if what == "check" else set())
+            laws.append((may | {"same"} if data == content else may, damage))
     answers = use(orders, tmp_path)
     for order, (may, damage), (found, why) in zip(orders, laws, answers, strict=True):
         assert found in may, (order, damage, why)
