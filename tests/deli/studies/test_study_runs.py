@@ -130,7 +130,10 @@ def test_a_killed_case_stops_no_other_and_is_continued_when_told_to(folder, whol
 
 
 def test_limits_end_the_case_that_exceeds_them(folder):
-    short, large = {"label": "short"}, {"label": "large", "scene": {"name": "hard_rods", "rods": 600_000}, "steps": 8000}
+    short, large = (
+        {"label": "short"},
+        {"label": "large", "scene": {"name": "hard_rods", "rods": 600_000}, "record.every": 200},
+    )
     endless = {"label": "endless", "steps": ENDLESS, "record.every": 1_000_000}
     table = {"cases": [endless, large, short], "limits": {"time": 6.0, "memory": "450 MB"}}
     result = run(folder, table, workers=2)
