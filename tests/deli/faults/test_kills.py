@@ -69,7 +69,8 @@ def test_a_run_is_killed_and_continued_again_and_again(nest, folder, whole, kill
     require_right_end(path, full)
 
 
-@pytest.mark.parametrize("stride", [pytest.param(1000, id="some"), pytest.param(1, id="every", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("stride", [pytest.param(250, id="some"), pytest.param(1, id="every")])
 def test_a_run_is_killed_at_every_line_of_what_writes_it(nest, folder, whole, stride):
     """Commits, one of which needs longer chunks, the beginning, the end; and a run that is continued the same."""
     full, partial = whole(700), Path("run.nc.partial")

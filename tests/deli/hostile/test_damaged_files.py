@@ -42,9 +42,9 @@ def files(tmp_path_factory):
 
 
 FUZZED = {
-    "sealed.nc": ((60, 2000), READERS, ("refused",)),
+    "sealed.nc": ((30, 2000), READERS, ("refused",)),
     "unsealed.nc": ((6, 300), READERS, ("refused", "same", "other")),
-    "killed.nc.partial": ((9, 300), ("resume", "look", "check"), ("refused", "same")),
+    "killed.nc.partial": ((6, 300), ("resume", "look", "check"), ("refused", "same")),
 }
 """Of each file: how often it is damaged, in short and in full, what is done with it, and what may come of that."""
 
