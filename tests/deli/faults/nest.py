@@ -54,9 +54,10 @@ class Nest:
     def end(self, pid: int) -> Ended:
         """Wait until a command has ended."""
         said = self._folder / f"{pid}.out", self._folder / f"{pid}.err"
-        ended = Ended(int(self._ask(end=pid)), *(file.read_text() for file in said))
+        status = int(self._ask(end=pid))  # one that was killed at once has not made these files yet
+        ended = Ended(status, *(file.read_text() if file.exists() else "" for file in said))
         for file in said:
-            file.unlink()
+            file.unlink(missing_ok=True)
         return ended
 
     def call(self, *arguments: object, **options: int) -> Ended:
