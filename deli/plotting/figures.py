@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib
+import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
@@ -112,7 +113,8 @@ def save(run: xr.DataTree, path: str | os.PathLike[str], scene: Scene | None = N
         If the file cannot be written or its format is unknown.
     """
     check_picture(Path(path))
-    with matplotlib.rc_context(STYLE):
+    # Margins of logarithmic axes about the largest numbers overflow, which matplotlib sees to.
+    with matplotlib.rc_context(STYLE), np.errstate(over="ignore"):
         figure = new_figure((13.5, 7.6))
         left, right = figure.subfigures(1, 2, width_ratios=(1.15, 1.0), wspace=0.04, squeeze=False)[0]
         draw_history(left, run)

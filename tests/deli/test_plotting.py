@@ -179,3 +179,11 @@ def test_units_in_labels(units, label):
 def test_pictures_that_cannot_be_written_are_refused(recorded, tmp_path, name):
     with pytest.raises(InputError, match="picture"):
         deli.plotting.save(recorded[1], tmp_path / name)
+
+
+def test_the_largest_numbers_are_drawn(tmp_path):
+    """As a file that something else has changed may hold them."""
+    run = deli.simulate(deli.scenes.newtons_cradle(balls=2), deli.GVI(), step_size=0.02, steps=20, skip=False)
+    run["solver_stats"]["primal_residual"].values[3] = 1e307
+    deli.plotting.save(run, tmp_path / "run.png")
+    assert (tmp_path / "run.png").stat().st_size > 10_000
