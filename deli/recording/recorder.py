@@ -157,8 +157,10 @@ class Recorder:
 def named_diagnostics(columns: np.ndarray, dimension: int) -> Block:
     """Diagnostics of rows by name, views of the columns that kernels write, shape (..., columns)."""
     kinetic, potential, gap, mismatch = (columns[..., k] for k in range(4))
+    with np.errstate(invalid="ignore"):  # energies that overflow, of either sign: `deli check` finds the row
+        total = kinetic + potential
     values = {
-        "hamiltonian": kinetic + potential,
+        "hamiltonian": total,
         "kinetic_energy": kinetic,
         "potential_energy": potential,
         "linear_momentum": columns[..., 4 : 4 + dimension],

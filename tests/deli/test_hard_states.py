@@ -188,3 +188,10 @@ def test_a_grazing_contact_ends_its_approach_at_little_cost_in_energy(backend, s
     momentum = deli.reflect(scene, scene.position, scene.momentum, energy="numerical", **keywords)
     assert abs(momentum[0]) < 1e-8
     assert momentum[1] == pytest.approx(1.0, abs=1e-8)
+
+
+def test_energies_that_overflow_are_recorded_as_what_they_are() -> None:
+    """States are finite to the last; their energies are infinities of either sign, and no number together."""
+    scene = deli.scenes.point_mass(gravity=1e308, position=1e-300)
+    run = deli.simulate(scene, deli.GVI(), step_size=1e-2, steps=3)
+    assert np.isfinite(run["trajectory"]["position"]).all()
