@@ -48,8 +48,8 @@ _measured = TypeAdapter(Measured)
 @functools.cache
 def definition() -> str:
     """Name the present definition of the metrics."""
-    sources = inspect.getsource(metrics) + inspect.getsource(exact)
-    return hashlib.sha256(sources.encode()).hexdigest()[:16]
+    sources = [*sorted(Path(inspect.getfile(metrics)).parent.glob("*.py")), Path(inspect.getfile(exact))]
+    return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
 
 
 def measured(run: Path) -> Measured | None:

@@ -1,0 +1,102 @@
+"""All metrics of a run, with units."""
+
+import numpy as np
+import xarray as xr
+
+from deli.metrics.contact import complementarity, contacts, equality_residual, violation
+from deli.metrics.energy import drift_per_impact, energy_drift, energy_range
+from deli.metrics.momentum import angular_momentum_error, momentum_error
+from deli.metrics.trajectory import simulated_time, steps_taken, trajectory_error
+from deli.recording.schema import STATS, dataset_of
+
+
+def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Dataset:
+    """Every metric of a run, as a dataset of scalars with units and long names.
+
+    Parameters
+    ----------
+    run : xarray.DataTree
+    reference : xarray.DataTree, optional
+        What to compare the trajectory with; without it ``trajectory_error`` is nan.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``energy_drift`` with ``energy_drift_error``; ``drift_per_impact``; ``energy_low``, ``energy_high`` and their
+        difference ``energy_band``; ``momentum_error``, ``angular_momentum_error``; ``violation_worst``,
+        ``violation_mean``; ``complementarity``, ``equality_residual``, ``trajectory_error``; ``smooth_contacts`` and
+        ``reflected_contacts`` as `contacts` gives them; summed over subproblems ``solves``, ``skipped``,
+        ``iterations``, ``fallbacks``, ``claimed_solves`` (the solver says so), ``verified_solves`` (recomputed
+        residuals say so), ``solver_time``, ``overhead_time``; ``wall_time``; ``steps``, ``simulated_time``.
+    """
+    slope, low, worst = energy_drift(run), energy_range(run), violation(run)
+    held, struck = contacts(run)
+    stats = dataset_of(run, STATS)
+    values: dict[str, float] = {
+        "energy_drift": slope.slope,
+        "energy_drift_error": slope.error,
+        "drift_per_impact": drift_per_impact(run),
+        "energy_low": low[0],
+        "energy_high": low[1],
+        "energy_band": low[1] - low[0],
+        "momentum_error": momentum_error(run),
+        "angular_momentum_error": angular_momentum_error(run),
+        "violation_worst": worst[0],
+        "violation_mean": worst[1],
+        "complementarity": complementarity(run),
+        "equality_residual": equality_residual(run),
+        "trajectory_error": np.nan if reference is None else trajectory_error(run, reference),
+        "smooth_contacts": held,
+        "reflected_contacts": struck,
+        **{name: float(stats[recorded].values.sum()) for name, recorded in _SUMS.items()},
+        "wall_time": float(run.attrs.get("wall_time", np.nan)),
+        "steps": float(steps_taken(run)),
+        "simulated_time": simulated_time(run),
+    }
+    return xr.Dataset(
+        {
+            name: xr.Variable((), value, {"units": METRICS[name][0], "long_name": METRICS[name][1]})
+            for name, value in values.items()
+        }
+    )
+
+
+_SUMS = {
+    "solves": "solves",
+    "skipped": "skipped",
+    "iterations": "iterations",
+    "fallbacks": "fallbacks",
+    "claimed_solves": "claimed",
+    "verified_solves": "verified",
+    "solver_time": "solve_time",
+    "overhead_time": "overhead_time",
+}
+METRICS = {
+    "energy_drift": ("M L2 T-3", "slope of the energy over time"),
+    "energy_drift_error": ("M L2 T-3", "standard error of the slope of the energy"),
+    "drift_per_impact": ("M L2 T-2", "drift of the energy by reflected contact"),
+    "energy_low": ("M L2 T-2", "smallest H - H(0)"),
+    "energy_high": ("M L2 T-2", "largest H - H(0)"),
+    "energy_band": ("M L2 T-2", "largest minus smallest energy"),
+    "momentum_error": ("M L T-1", "largest error of a conserved component of linear momentum"),
+    "angular_momentum_error": ("M L2 T-1", "largest error of a conserved component of angular momentum"),
+    "violation_worst": ("L", "worst violation of a unilateral constraint"),
+    "violation_mean": ("L", "mean over rows of the worst violation"),
+    "complementarity": ("1", "largest scaled complementarity residual"),
+    "equality_residual": ("L", "largest residual of a bilateral constraint"),
+    "trajectory_error": ("L", "largest root mean square distance from the reference"),
+    "smooth_contacts": ("1", "mean number of smooth contacts"),
+    "reflected_contacts": ("1", "contacts reflected, summed over steps"),
+    "solves": ("1", "calls of a solver"),
+    "skipped": ("1", "subproblems answered without a solver"),
+    "iterations": ("1", "iterations of the solvers"),
+    "fallbacks": ("1", "members of solver chains that failed before one succeeded"),
+    "claimed_solves": ("1", "calls that the solver says were solved"),
+    "verified_solves": ("1", "calls whose recomputed residuals are within the tolerance"),
+    "solver_time": ("s", "time inside solvers"),
+    "overhead_time": ("s", "time to hand problems to solvers and check their answers"),
+    "wall_time": ("s", "wall time of the run"),
+    "steps": ("1", "integration steps"),
+    "simulated_time": ("T", "time that the run got to"),
+}
+"""Units and long name of each metric that `measure` returns."""

@@ -1,0 +1,52 @@
+"""Where a run got to, and how far from another."""
+
+import tomllib
+
+import numpy as np
+import xarray as xr
+
+from deli.errors import InputError
+from deli.recording.schema import TRAJECTORY, dataset_of
+
+
+def trajectory_error(run: xr.DataTree, reference: xr.DataTree) -> float:
+    """Largest root mean square over the degrees of freedom of q - q_ref, over the times that both recorded [L].
+
+    Raises
+    ------
+    InputError
+        If the two have other degrees of freedom, or no time in common but the start.
+    """
+    mine, other = dataset_of(run, TRAJECTORY), dataset_of(reference, TRAJECTORY)
+    if mine.sizes["dof"] != other.sizes["dof"]:
+        raise InputError(
+            f"the reference has {other.sizes['dof']} degrees of freedom and the run has {mine.sizes['dof']}; "
+            "compare runs of one scene."
+        )
+    here, there = common_times(mine["time"].values, other["time"].values)
+    if len(here) < 2 <= mine.sizes["time"]:
+        raise InputError(
+            "the run and its reference recorded no time in common but the start; choose step_size and record.every so "
+            "that the rows of one are among those of the other."
+        )
+    away = mine["position"].values[here] - other["position"].values[there]
+    return float(np.sqrt(np.mean(away**2, axis=1)).max())
+
+
+def common_times(mine: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the rows of two runs that are of one time, to a billionth of the longer run."""
+    nearest = np.clip(np.searchsorted(other, mine), 1, max(len(other) - 1, 1))
+    nearest -= mine - other[nearest - 1] < np.abs(other[np.minimum(nearest, len(other) - 1)] - mine)
+    same = np.abs(other[nearest] - mine) <= 1e-9 * max(mine[-1], other[-1])
+    return np.flatnonzero(same), nearest[same]
+
+
+def steps_taken(run: xr.DataTree) -> int:
+    """Integration steps until the last recorded row, however many lie between two rows."""
+    step_size = tomllib.loads(run.attrs["config"])["step_size"]
+    return round(simulated_time(run) / step_size)
+
+
+def simulated_time(run: xr.DataTree) -> float:
+    """Time of the last recorded row [T]."""
+    return float(dataset_of(run, TRAJECTORY)["time"].values[-1])
