@@ -13,6 +13,7 @@ from deli.errors import InputError
 from deli.mechanics.scene import Scene
 from deli.recording import ensemble, provenance
 from deli.recording.schema import Schema
+from deli.recording.whole import write_tree
 from deli.running.crew import Crew
 from deli.running.interrupts import Interrupted, StopRequests
 from deli.running.plan import Plan, make_plan
@@ -116,7 +117,7 @@ def simulate_ensemble(
     row_times = np.minimum(np.arange(plan.rows) * plan.every, plan.steps) * plan.step_size
     run = gathering.tree(row_times, named, crew.outcomes, attributes)
     if plan.output is not None:
-        ensemble.write(run, plan.output)
+        write_tree(plan.output, run)
     if interrupted:
         raise Interrupted(f"{outcome}; the rows are in this exception's `run`", run)
     if failed:

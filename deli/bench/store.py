@@ -10,6 +10,7 @@ from typing import Any
 from deli.bench.part import Row
 from deli.errors import InputError
 from deli.recording import provenance
+from deli.recording.whole import write_text
 
 FORMAT = 1
 _PACKAGES = ("deli", "numpy", "scipy", "numba", "cvxpy", "clarabel", "osqp", "daqp", "piqp")
@@ -64,12 +65,7 @@ def read(path: Path) -> Results:
 def write(path: Path, parts: Results) -> None:
     """Replace the results in a file."""
     text = json.dumps({"format": FORMAT, "parts": _finite(parts)}, indent=1)
-    partial = path.with_name(f"{path.name}.partial")
-    try:
-        partial.write_text(f"{text}\n")
-        partial.replace(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}.") from error
+    write_text(path, f"{text}\n")
 
 
 def _finite(value: Any) -> Any:

@@ -58,6 +58,9 @@ def guarded(command: Callable[Parameters, Result]) -> Callable[Parameters, Resul
         except OSError as error:
             complain(f"{error}. Is the disk full, or a folder gone or not writable?")
             raise typer.Exit(RUN_FAILED) from error
+        except MemoryError as error:
+            complain("memory ran out; close other programs, or take fewer bodies, rows or workers.")
+            raise typer.Exit(RUN_FAILED) from error
         except KeyboardInterrupt as error:  # before a run began, or after it
             complain(str(error) or "stopped by SIGINT.")
             raise typer.Exit(RUN_FAILED) from error

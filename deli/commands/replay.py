@@ -59,6 +59,7 @@ def replay(
     problem. Exit status: 0 done, 2 the input is at fault.
     """
     from deli.recording.paths import check_output
+    from deli.recording.whole import write_tree
     from deli.replaying.replay import replay as solve_again
     from deli.replaying.tables import print_replay
 
@@ -73,7 +74,7 @@ def replay(
         file, backends=names, tolerance=tolerance, polish=polish, repeat=repeat, limit=limit, progress=not quiet
     )
     if output is not None:
-        data.to_netcdf(output)
+        write_tree(output, data)
     if not quiet:
         print_replay(console(), data)
     if plot is not None:

@@ -15,10 +15,11 @@ from deli.figures.drawing import draw
 from deli.figures.exact import SOLUTIONS
 from deli.figures.model import FigureConfig
 from deli.figures.quantities import extract
-from deli.plotting.figures import DPI, check_picture
+from deli.plotting.figures import check_picture, write_picture
 from deli.recording import provenance
 from deli.recording.paths import check_name, check_output
 from deli.recording.schema import TRAJECTORY, Schema, dataset_of
+from deli.recording.whole import write_tree
 from deli.running.plan import Plan
 from deli.simulation import run_plan
 
@@ -107,15 +108,12 @@ class Maker:
             "quick": int(self._quick),
         }
         tree = xr.DataTree.from_dict({"/": xr.Dataset(attrs=root), **groups})
-        target = self.path(figure, ".nc")
-        partial = target.with_name(f"{target.name}.partial")
-        tree.to_netcdf(partial)
-        partial.replace(target)
+        write_tree(self.path(figure, ".nc"), tree)
         return tree
 
     def picture(self, figure: FigureConfig, data: xr.DataTree) -> None:
         """Draw a figure's dataset into FIGURE.png."""
-        draw(figure, data).savefig(self.path(figure, ".png"), dpi=DPI)
+        write_picture(draw(figure, data), self.path(figure, ".png"))
 
     def path(self, figure: FigureConfig, suffix: str) -> Path:
         """Return where a figure's dataset or picture goes."""

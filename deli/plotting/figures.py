@@ -16,6 +16,7 @@ from deli.plotting.history import draw_energy, draw_gaps, draw_history, draw_mom
 from deli.plotting.profiles import draw_profile, draw_replay
 from deli.plotting.style import STYLE, check_folder, known_scene, new_figure, run_title
 from deli.plotting.trajectory import draw_paths, draw_trajectory, tells_apart
+from deli.recording.whole import replacing
 
 SUFFIXES = (".png", ".pdf", ".svg")
 DPI = 150
@@ -120,7 +121,7 @@ def save(run: xr.DataTree, path: str | os.PathLike[str], scene: Scene | None = N
         draw_history(left, run)
         draw_trajectory(right, run, known_scene(run, scene))
         figure.suptitle(run_title(run), fontsize=11)
-        figure.savefig(path, dpi=DPI)
+        write_picture(figure, Path(path))
 
 
 def performance_profile(data: xr.Dataset, ax: Axes | None = None) -> Axes:
@@ -160,7 +161,19 @@ def save_replay(data: xr.Dataset, path: str | os.PathLike[str]) -> None:
         figure = new_figure((11.0, 4.8))
         draw_replay(figure, data)
         figure.suptitle(data.attrs["title"], fontsize=10)
-        figure.savefig(path, dpi=DPI)
+        write_picture(figure, Path(path))
+
+
+def write_picture(figure: Figure, path: Path, dpi: float = DPI) -> None:
+    """Draw a figure into a file that is there as a whole or not at all.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be written; what was there before is there still.
+    """
+    with replacing(path) as fresh:
+        figure.savefig(fresh, dpi=dpi, format=path.suffix[1:].lower())
 
 
 def check_picture(path: Path) -> None:

@@ -1,8 +1,6 @@
 """Rows of many runs of one shape at once: arrays with the member first, and the tree that users see."""
 
-import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,8 +11,6 @@ from deli.kernels.advance import BLOCK, Block
 from deli.kernels.record import Record, Records
 from deli.mechanics.scene import Scene
 from deli.memory import available_memory
-from deli.recording.contents import LIBRARY
-from deli.recording.holding import RecordingError
 from deli.recording.recorder import STAT_NAMES, named_diagnostics
 from deli.recording.schema import STATS, TRAJECTORY, Schema, Variable, coordinates
 from deli.subproblems.stats import COUNTS, UNUSED
@@ -112,17 +108,6 @@ class Gathering:
             fields.times[member, rest], fields.residuals[member, rest] = np.nan, np.nan
             fields.counts[member, rest], fields.contacts[member, rest] = 0, 0
             fields.status[member, rest] = UNUSED
-
-
-def write(tree: xr.DataTree, path: Path) -> None:
-    """Write a tree to a file that appears under its name when it is whole."""
-    fresh = path.with_name(f"{path.name}.new")
-    try:
-        with LIBRARY:
-            tree.to_netcdf(fresh, engine="netcdf4")
-        os.replace(fresh, path)
-    except OSError as error:
-        raise RecordingError(f"{path} could not be written ({error}). Is the disk full?") from error
 
 
 def check_labels(labels: Mapping[str, Any] | None, members: int, schema: Schema) -> dict[str, np.ndarray]:

@@ -1,13 +1,10 @@
 """What lies where in a study's folder, and how it gets there."""
 
 import json
-import os
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from deli.errors import InputError
-from deli.recording.holding import RecordingError
 
 MANIFEST, CASES = "manifest.json", "cases"
 PICTURES, TEXT, PAGE = REPORT = ("report", "report.md", "report.html")
@@ -26,27 +23,6 @@ def config_path(run: Path) -> Path:
 def metrics_path(run: Path) -> Path:
     """Return the file of a run's metrics."""
     return run.with_suffix(".json")
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write a file that is there as a whole or not at all.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be written; what was there before is there still.
-    """
-    fresh = path.with_name(f"{path.name}.{os.getpid()}.new")
-    try:
-        with fresh.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(fresh, path)
-    except OSError as error:
-        with suppress(OSError):
-            fresh.unlink(missing_ok=True)
-        raise RecordingError(f"{path} could not be written ({error}). Is the disk full, or the folder gone?") from error
 
 
 def read_json(path: Path) -> Any:

@@ -9,8 +9,9 @@ from typing import Any
 
 from deli.errors import InputError
 from deli.recording.provenance import now, version
+from deli.recording.whole import write_text
 from deli.studies.expansion import Study
-from deli.studies.layout import MANIFEST, read_json, write_whole
+from deli.studies.layout import MANIFEST, read_json
 from deli.studies.manifest_model import check_manifest
 from deli.studies.states import RUNNING, WAITING
 
@@ -76,7 +77,7 @@ class Manifest:
         """Write the manifest."""
         if self._sessions:
             self._sessions[-1]["end"] = now()
-        write_whole(self._path, json.dumps({**self._rest, "runs": self.runs}, indent=1))
+        write_text(self._path, json.dumps({**self._rest, "runs": self.runs}, indent=1))
         self._written, self._behind = time.monotonic(), False
 
 

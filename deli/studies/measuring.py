@@ -15,8 +15,9 @@ from deli import metrics
 from deli.errors import InputError
 from deli.recording.reading import read
 from deli.recording.schema import build_tree
+from deli.recording.whole import write_text
 from deli.studies import exact
-from deli.studies.layout import metrics_path, read_json, write_whole
+from deli.studies.layout import metrics_path, read_json
 
 EXACT = "exact"
 
@@ -80,7 +81,7 @@ def measure(path: Path, run: xr.DataTree, reference: str | None) -> Measured:
         note, found = str(error), metrics.measure(run)
     values = {str(name): float(value) for name, value in found.data_vars.items()}
     result = Measured(definition(), reference, values, note)
-    write_whole(metrics_path(path), json.dumps(asdict(result), indent=1))
+    write_text(metrics_path(path), json.dumps(asdict(result), indent=1))
     return result
 
 

@@ -13,6 +13,8 @@ import xarray as xr
 from markdown_it import MarkdownIt
 
 from deli.config.reading import parse_toml
+from deli.plotting.figures import write_picture
+from deli.recording.whole import write_text
 from deli.studies.findings import COMPLETE, SCENE, findings
 from deli.studies.layout import PAGE, PICTURES, TEXT
 from deli.studies.model import check_table
@@ -81,7 +83,7 @@ def write_report(study: xr.Dataset) -> tuple[Path, Path]:
     drawn = {}
     for number, plot in enumerate(plots):
         name = f"{PICTURES}/{number}-{plot.kind}.png"
-        draw(plot, study).savefig(folder / name, dpi=DPI)
+        write_picture(draw(plot, study), folder / name, DPI)
         drawn[name] = _inlined(folder / name)
         blocks += [f"## {_escaped(plot.title)}", f"![{_escaped(plot.title)}]({name})"]
     blocks += ["## Cases", _cases(study), "## Failures", _failures(study)]
@@ -91,8 +93,8 @@ def write_report(study: xr.Dataset) -> tuple[Path, Path]:
     blocks += ["## The study", f"{fence}toml\n{study.attrs['study'].strip()}\n{fence}"]
     text = "\n\n".join(block for block in blocks if block) + "\n"
     source, page = folder / TEXT, folder / PAGE
-    source.write_text(text, encoding="utf-8")
-    page.write_text(_page(title, text, drawn), encoding="utf-8")
+    write_text(source, text)
+    write_text(page, _page(title, text, drawn))
     return page, source
 
 

@@ -129,12 +129,13 @@ def _run(order: Order, report: Any) -> dict[str, str]:
 
     from deli.config import parse
     from deli.recording.holding import Busy
+    from deli.recording.whole import write_text
     from deli.simulation import run_plan
-    from deli.studies.layout import config_path, write_whole
+    from deli.studies.layout import config_path
     from deli.studies.measuring import measure
 
     path = Path(order.file)
-    write_whole(config_path(path), tomli_w.dumps(order.config))
+    write_text(config_path(path), tomli_w.dumps(order.config))
     deadline = time.monotonic() + PATIENCE_SECONDS
     while True:
         try:

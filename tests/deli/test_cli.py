@@ -104,6 +104,16 @@ class TestRun:
         xr.testing.assert_identical(resumed["trajectory"].to_dataset(), full["trajectory"].to_dataset())
 
 
+def test_running_out_of_memory_is_one_message(folder, monkeypatch):
+    def too_much(*arguments, **keywords):
+        raise MemoryError
+
+    monkeypatch.setattr("deli.simulation.run_plan", too_much)
+    ended = call("run", "point_mass", *SHORT)
+    assert ended.exit_code == RUN_FAILED
+    assert ended.stderr == "deli: memory ran out; close other programs, or take fewer bodies, rows or workers.\n"
+
+
 class TestPlainOutput:
     def test_no_control_characters_without_a_terminal(self, folder):
         process = deli_process("run", "point_mass", "--set", "steps=3000", cwd=folder)

@@ -1,0 +1,45 @@
+"""Files that are there as a whole or not at all."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import xarray as xr
+
+from deli.recording.contents import LIBRARY
+from deli.recording.holding import RecordingError
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Lend the name of a new file beside `path`, whose place it takes once it is written and on the disk.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be written; what was there before is there still.
+    """
+    fresh = path.with_name(f"{path.name}.{os.getpid()}.new")
+    try:
+        yield fresh
+        with fresh.open("rb") as file:
+            os.fsync(file.fileno())
+        os.replace(fresh, path)
+    except OSError as error:
+        raise RecordingError(f"{path} could not be written ({error}). Is the disk full, or the folder gone?") from error
+    finally:
+        with suppress(OSError):
+            fresh.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text as a whole, see `replacing`."""
+    with replacing(path) as fresh:
+        fresh.write_text(text, encoding="utf-8")
+
+
+def write_tree(path: Path, data: xr.DataTree | xr.Dataset) -> None:
+    """Write a netCDF file as a whole, see `replacing`."""
+    with replacing(path) as fresh, LIBRARY:
+        data.to_netcdf(fresh, engine="netcdf4")
