@@ -102,24 +102,22 @@ def _label(method: object) -> str:
     return f"{type(method).__name__}-{method.scheme}"
 
 
-METHODS = [
-    *(
+def _every_gvi(energies: tuple[str, ...]) -> list[deli.GVI]:
+    return [
         deli.GVI(scheme=scheme, reflection=operator, energy=energy, predictor=predictor)
         for scheme in SCHEMES
         for operator in OPERATORS
-        for energy in ENERGIES
+        for energy in energies
         for predictor in PREDICTORS
-    ),
+    ]
+
+
+METHODS = [
+    *_every_gvi(ENERGIES),
     *(deli.GVI(scheme=scheme, reflection="sequential", order="fastest") for scheme in SCHEMES),
     *(deli.DiscreteSmooth(scheme=scheme) for scheme in SCHEMES),
 ]
-SHADOW_METHODS = [
-    deli.GVI(scheme=scheme, reflection=operator, energy=energy, predictor=predictor)
-    for scheme in SCHEMES
-    for operator in OPERATORS
-    for energy in SHADOWS
-    for predictor in PREDICTORS
-]
+SHADOW_METHODS = _every_gvi(SHADOWS)
 FEW_SHADOW_METHODS = (
     deli.GVI("midpoint", "generalized", "shadow4", "closed_loop"),
     deli.GVI("verlet", "generalized", "shadow8", "closed_loop"),
