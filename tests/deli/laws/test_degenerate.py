@@ -49,7 +49,8 @@ def check_backend(cell: Cell) -> None:
         hopeless = cell.study == "stiffness_backends" and cell.value == STIFFEST
         assert hopeless or cell.subject in ("highs", "proxqp")
     else:
-        assert verdict.unverified == 0 or cell.subject == "highs"
+        # QOCO fails on contacts that hardly press, with residuals a little above the tolerance; polish mends that.
+        assert verdict.unverified == 0 or cell.subject == "highs" or (cell.subject == "qoco" and not cell.polish)
         if cell.study != "stiffness_backends" or cell.value != STIFFEST:
             assert verdict.band <= BAND
             # Where walls are nearly parallel the point dips in by what it falls in a step: h²/2 times gravity.
