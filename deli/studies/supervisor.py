@@ -84,7 +84,7 @@ class Supervisor:
         )
         self._reader = threading.Thread(target=self._read, args=(self._process,), daemon=True)
         self._reader.start()
-        self._ready, self._resident = False, 0
+        self._ready, self._resident, self._heard = False, 0, 0
 
     def _swollen(self, process: "subprocess.Popen[str]") -> bool:
         """Whether earlier cases have left it memory that would count against the next one's limit."""
@@ -123,6 +123,7 @@ class Supervisor:
         stopped: Callable[[], bool],
     ) -> Ended:
         assert process.stdin is not None
+        self._heard = os.fstat(self._errors.fileno()).st_size
         try:
             process.stdin.write(line_of(order))
             process.stdin.flush()
@@ -162,8 +163,9 @@ class Supervisor:
                 process.kill()
 
     def _died(self, process: "subprocess.Popen[str]") -> str:
+        """Return what ended it and its last words, if they are about the case at hand."""
         code = process.wait()
-        self._errors.seek(0)
+        self._errors.seek(self._heard)
         said = self._errors.read().strip().splitlines()[-1:]
         try:
             how = f"by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
