@@ -56,8 +56,16 @@ def mixed():
     return [one, walled, one, dataclasses.replace(one, potential=None), walled]
 
 
+def numbers():
+    """Of several masses, springs and fields: some have a table in common, and others have not."""
+    one = deli.scenes.pogo_stick()
+    heavy, soft = deli.scenes.pogo_stick(mass=3.0), deli.scenes.pogo_stick(stiffness=2.0)
+    return [one, dataclasses.replace(one, momentum=[0.4, -0.2]), heavy, one, soft, heavy]
+
+
 CASES = {
     "pogo sticks": (pogo_sticks, deli.GVI(scheme="verlet"), 0.1, "auto"),
+    "other numbers": (numbers, deli.GVI(scheme="verlet"), 0.1, "auto"),
     "pogo sticks, daqp": (pogo_sticks, deli.GVI(), 0.1, {"backend": "daqp", "polish": True}),
     "cradles": (lambda: kicked(deli.scenes.newtons_cradle(balls=3)), deli.GVI(), 0.01, "native"),
     "cradles, closed loop": (

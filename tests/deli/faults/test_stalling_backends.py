@@ -167,7 +167,9 @@ STATES = {
 }
 
 
-@pytest.mark.parametrize("faults", [pytest.param(("noise", "crash")), pytest.param(tuple(STATES), marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "faults", [pytest.param(("noise", "crash")), pytest.param(tuple(STATES), marks=pytest.mark.long)]
+)
 def test_a_study_records_what_becomes_of_each_case(folder, environment, honest_rows, faults):
     cases = [{"label": name, "solvers": choice(name, 30)} for name in faults]
     cases.append({"label": "honest", "solvers": choice("stall", 1000)})

@@ -149,3 +149,19 @@ def test_a_warm_start_is_refused_where_there_is_none(backend: str) -> None:
 def test_a_warm_start_is_asked_for_by_true() -> None:
     with pytest.raises(deli.InputError, match="warm_start of 'osqp' is 1; allowed: true or false"):
         SolverChoice("osqp", warm_start=1)
+
+
+def test_the_native_solver_counts_and_measures_as_others_do() -> None:
+    scene, stats = deli.scenes.chain_on_cylinder(masses=90), []
+    for choice in ("native", "piqp"):
+        stepper = deli.GVI().stepper(scene, 0.002, solvers=choice)
+        stepper.step(scene.position, scene.momentum)
+        stats.append(stepper.stats)
+    native, other = stats
+    assert native.rows[1] > program.LARGEST_DENSE
+    for name in ("solves", "skipped", "rows", "claimed", "verified", "fallbacks", "status"):
+        np.testing.assert_array_equal(getattr(native, name), getattr(other, name), err_msg=name)
+    for name in ("primal_residual", "dual_residual", "complementarity"):
+        np.testing.assert_allclose(getattr(native, name), getattr(other, name), rtol=0, atol=1e-9, err_msg=name)
+    assert (native.solve_time >= 0.0).all()
+    assert (native.overhead_time >= 0.0).all()

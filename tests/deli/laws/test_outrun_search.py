@@ -39,6 +39,20 @@ def test_a_body_from_afar_is_found(predictor: str, dimension: int, moving: int, 
     assert difference(found, known) < 1e-12
 
 
+def struck_rows(sign: float) -> list[deli.Scene]:
+    """Balls in a row whose pairs are searched, and the same whose pairs are all listed."""
+    return [
+        deli.Scene(
+            mass=[1000.0, 30.0, 1.0, 0.03, 1.0],
+            position=sign * np.array([-1.01, 0.0, 1.0, 2.0, 3.5]),
+            momentum=sign * np.array([1000.0, 0.0, 0.0, 0.0, 0.0]),
+            unilateral=deli.SpheresApart(pairs=pairs, distance=1.0),
+            dimension=1,
+        )
+        for pairs in (None, list(zip(*np.triu_indices(5, 1), strict=True)))
+    ]
+
+
 @pytest.mark.parametrize(
     "method",
     [deli.GVI(), deli.GVI(predictor="closed_loop"), deli.Collision()],
@@ -48,20 +62,30 @@ def test_a_body_from_afar_is_found(predictor: str, dimension: int, moving: int, 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_blow_that_outruns_the_search_is_taken_again(method: object, solvers: str, sign: float) -> None:
     """Through balls in touch, each lighter than the one before, the last is struck off four times as fast at least."""
-    bodies, runs = 5, []
-    for pairs in (None, list(zip(*np.triu_indices(bodies, 1), strict=True))):
-        scene = deli.Scene(
-            mass=[1000.0, 30.0, 1.0, 0.03, 1.0],
-            position=sign * np.array([-1.01, 0.0, 1.0, 2.0, 3.5]),
-            momentum=sign * np.array([1000.0, 0.0, 0.0, 0.0, 0.0]),
-            unilateral=deli.SpheresApart(pairs=pairs, distance=1.0),
-            dimension=1,
-        )
-        runs.append(run(scene, method, 0.1, 4, solvers=solvers))
-    found, known = runs
-    assert np.abs(known.momentum / scene.mass).max() > 4.0  # which the search does not allow for
+    found, known = (run(scene, method, 0.1, 4, solvers=solvers) for scene in struck_rows(sign))
+    assert np.abs(known.momentum / known.scene.mass).max() > 4.0  # which the search does not allow for
     np.testing.assert_array_equal(found.reflected, known.reflected)
     for counted in ("solves", "skipped", "status"):
         np.testing.assert_array_equal(getattr(found, counted), getattr(known, counted))
     np.testing.assert_allclose(found.residuals, known.residuals, rtol=0, atol=1e-12)
     assert difference(found, known) < 1e-11
+
+
+@pytest.mark.parametrize("predictor", ["forward", "closed_loop"])
+@pytest.mark.parametrize("most", [True, 5])
+def test_what_a_step_that_is_taken_again_had_posed_is_forgotten(predictor: str, most: bool | int) -> None:
+    found, known = (
+        deli.simulate(
+            scene,
+            deli.GVI(predictor=predictor),
+            step_size=0.1,
+            steps=4,
+            solvers="daqp",
+            skip=False,
+            subproblems=most,
+        )["subproblems"].to_dataset()
+        for scene in struck_rows(1.0)
+    )
+    for counted in ("step", "subproblem", "solve", "left_out"):
+        np.testing.assert_array_equal(found[counted], known[counted])
+    assert found.step.max() == (3 if most is True else 0)

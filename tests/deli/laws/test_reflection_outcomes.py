@@ -56,6 +56,15 @@ def test_two_spheres_turn_back_along_their_line(dimension: int, skip: bool) -> N
     np.testing.assert_allclose(after.reshape(2, dimension), expected, atol=1e-12)
 
 
+def test_passes_that_need_no_solver_are_counted_one_by_one() -> None:
+    """A blow is handed on through a row of balls from pair to pair."""
+    scene = row_of_balls([1.0, 0.0, 0.0, 0.0, 0.0])
+    stepper = deli.GVI(reflection="sequential").stepper(scene, 0.01)
+    stepper.step(scene.position, scene.momentum)
+    assert stepper.stats.skipped[0] == 4
+    assert stepper.stats.solves[0] == 0
+
+
 def test_what_comes_back_in_a_later_step_is_no_cycle() -> None:
     """A ball between two walls has, after each bounce, the momentum that it had before the one before."""
     scene = deli.Scene(
