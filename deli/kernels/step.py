@@ -183,7 +183,7 @@ def step(machine: Machine, known: int, _one: int, _two: int) -> int:
         code = gradients_here(machine, held, here)
         if code != DONE:
             return code
-    gradients_known = held > 0 or (touching > 0 and not method.reflects)
+    gradients_known = held > 0
     smooth = 0
     if system.reference.size > 0:
         copy_tally(tally, machine.kept)
