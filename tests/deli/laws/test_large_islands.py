@@ -151,8 +151,13 @@ def test_a_warm_start_is_asked_for_by_true() -> None:
         SolverChoice("osqp", warm_start=1)
 
 
-def test_the_native_solver_counts_and_measures_as_others_do() -> None:
-    scene, stats = deli.scenes.chain_on_cylinder(masses=90), []
+@pytest.mark.parametrize(
+    "scene",
+    [deli.scenes.chain_on_cylinder(masses=90), deli.scenes.disc_pile(rows=5, columns=20)],
+    ids=["chain", "pile"],
+)
+def test_the_native_solver_counts_and_measures_as_others_do(scene: deli.Scene) -> None:
+    stats = []
     for choice in ("native", "piqp"):
         stepper = deli.GVI().stepper(scene, 0.002, solvers=choice)
         stepper.step(scene.position, scene.momentum)

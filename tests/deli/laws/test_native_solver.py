@@ -111,9 +111,12 @@ def test_compiled_solves_are_counted_as_those_of_a_backend(case: Case) -> None:
     scene, method = case.build(), deli.GVI(scheme=case.scheme)
     compiled, adapted = (method.stepper(scene, case.step_size, solvers=name) for name in ("native", "both"))
     state, total = (scene.position, scene.momentum), 0
-    for _ in range(case.steps // 2):
+    for number in range(case.steps // 2):
+        if number % 3 == 0:  # what is counted adds up over the steps of a row
+            total += compiled.stats.solves.sum()
+            compiled.stats.reset()
+            adapted.stats.reset()
         for stepper in (compiled, adapted):
-            stepper.stats.reset()
             after = stepper.step(*state)
         for name in COUNTS:
             found, expected = (getattr(stepper.stats, name) for stepper in (compiled, adapted))
@@ -121,8 +124,8 @@ def test_compiled_solves_are_counted_as_those_of_a_backend(case: Case) -> None:
         for name in MEASURED:
             found, expected = (getattr(stepper.stats, name) for stepper in (compiled, adapted))
             np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12, err_msg=name)
-        total += compiled.stats.solves.sum()
         state = after
+    total += compiled.stats.solves.sum()
     assert compiled.stats.native_solves == total
     assert adapted.stats.native_solves == 0
 

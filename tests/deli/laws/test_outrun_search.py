@@ -89,3 +89,15 @@ def test_what_a_step_that_is_taken_again_had_posed_is_forgotten(predictor: str, 
     for counted in ("step", "subproblem", "solve", "left_out"):
         np.testing.assert_array_equal(found[counted], known[counted])
     assert found.step.max() == (3 if most is True else 0)
+
+
+@pytest.mark.parametrize(
+    "method", [deli.GVI(), deli.NonsmoothAlpha(), deli.Collision()], ids=["GVI", "NonsmoothAlpha", "Collision"]
+)
+def test_a_step_that_is_taken_again_counts_once_among_those_of_its_row(method: object) -> None:
+    found, known = (
+        deli.simulate(scene, method, step_size=0.1, steps=4, every=4)["solver_stats"].to_dataset()
+        for scene in struck_rows(1.0)
+    )
+    for counted in ("solves", "skipped", "iterations", "rows", "claimed", "verified", "status"):
+        np.testing.assert_array_equal(found[counted], known[counted], err_msg=counted)
