@@ -39,12 +39,12 @@ def test_a_body_from_afar_is_found(predictor: str, dimension: int, moving: int, 
     assert difference(found, known) < 1e-12
 
 
-def struck_rows(sign: float) -> list[deli.Scene]:
+def struck_rows(sign: float, gap: float = 0.01) -> list[deli.Scene]:
     """Balls in a row whose pairs are searched, and the same whose pairs are all listed."""
     return [
         deli.Scene(
             mass=[1000.0, 30.0, 1.0, 0.03, 1.0],
-            position=sign * np.array([-1.01, 0.0, 1.0, 2.0, 3.5]),
+            position=sign * np.array([-1.0 - gap, 0.0, 1.0, 2.0, 3.5]),
             momentum=sign * np.array([1000.0, 0.0, 0.0, 0.0, 0.0]),
             unilateral=deli.SpheresApart(pairs=pairs, distance=1.0),
             dimension=1,
@@ -69,6 +69,18 @@ def test_a_blow_that_outruns_the_search_is_taken_again(method: object, solvers: 
         np.testing.assert_array_equal(getattr(found, counted), getattr(known, counted))
     np.testing.assert_allclose(found.residuals, known.residuals, rtol=0, atol=1e-12)
     assert difference(found, known) < 1e-11
+
+
+@pytest.mark.parametrize("predictor", ["forward", "closed_loop"])
+def test_what_the_steps_before_one_that_is_taken_again_have_cost_is_kept(predictor: str) -> None:
+    counted = []
+    for scene in struck_rows(1.0, gap=0.15):
+        stepper, state = deli.GVI(predictor=predictor).stepper(scene, 0.1), (scene.position, scene.momentum)
+        for _ in range(4):
+            state = stepper.step(*state)
+        counted.append((stepper.stats.solves + stepper.stats.skipped, stepper.stats.reflected_contacts))
+    np.testing.assert_array_equal(counted[0][0], counted[1][0])
+    assert counted[0][1] == counted[1][1] >= 3
 
 
 @pytest.mark.parametrize("predictor", ["forward", "closed_loop"])
