@@ -8,6 +8,7 @@ from law_runs import angular_momentum, energy, run
 import deli
 from deli.kernels.advance import make_block
 from deli.kernels.record import Record
+from deli.subproblems.stats import UNUSED
 
 REL = 1e-12
 KINETIC, POTENTIAL, GAP, MISMATCH = range(4)
@@ -51,6 +52,8 @@ def test_advancing_is_stepping_to_the_bit(case: Case, solvers: str) -> None:
             np.testing.assert_array_equal(rows.contacts[1:count, 0], known.smooth[steps[1:] - 1])
             np.testing.assert_array_equal(rows.contacts[1:count, 1], np.add.reduceat(known.reflected, starts))
             np.testing.assert_array_equal(rows.residuals[1:count], np.fmax.reduceat(known.residuals, starts))
+            recorded, stepped = (np.where(status == UNUSED, -1, status) for status in (rows.status, known.status))
+            np.testing.assert_array_equal(recorded[1:count], np.maximum.reduceat(stepped, starts))
 
 
 @EVERY_CASE

@@ -65,6 +65,12 @@ def test_sparse_and_dense_answers_agree(backend: str, repeated: int, monkeypatch
     np.testing.assert_allclose(answer(solver_for(given, backend=backend), given, equalities), found, rtol=0, atol=1e-9)
 
 
+def test_of_equalities_that_depend_on_each_other_the_first_ones_are_handed_over() -> None:
+    given, equalities = projection(0, repeated=25)
+    _, kept = solver_for(given, backend="daqp").pose(SIZE, equalities, given.bounds.size, False)
+    np.testing.assert_array_equal(kept, range(40))
+
+
 @SPARSE
 def test_patterns_leave_no_trace(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Problems are compiled once for each of the last patterns, and answers are functions of the data, bit for bit."""

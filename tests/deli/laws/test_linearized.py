@@ -56,6 +56,24 @@ def test_affine_constraints_are_their_own_tangents(scheme: str, predictor: str, 
 
 @SCHEME
 @AS_FUNCTIONS
+def test_a_contact_that_lands_keeps_its_gap(scheme: str, as_functions: bool) -> None:
+    scene = deli.Scene(
+        mass=[2.0],
+        position=1e-3 * UP,
+        momentum=0.3 * DOWN,
+        potential=[deli.Gravity([0.0, -9.8])],
+        unilateral=[deli.Planes(normals=[UP], bodies=[0])],
+        dimension=2,
+    )
+    if as_functions:
+        scene = replace(scene, unilateral=functions(scene.unilateral))
+    method = deli.GVI(scheme=scheme, predictor="closed_loop", linearized=True)
+    found = run(scene, method, STEP_SIZE, 5)
+    np.testing.assert_allclose(scene.unilateral.value(found.position), 1e-3, rtol=1e-10)
+
+
+@SCHEME
+@AS_FUNCTIONS
 def test_a_step_obeys_the_tangents_at_the_prediction(scheme: str, as_functions: bool) -> None:
     scene = double_pendulum()
     if as_functions:

@@ -72,6 +72,18 @@ def test_a_blow_that_outruns_the_search_is_taken_again(method: object, solvers: 
 
 
 @pytest.mark.parametrize("predictor", ["forward", "closed_loop"])
+def test_what_the_steps_before_one_that_is_taken_again_have_cost_is_kept(predictor: str) -> None:
+    counted = []
+    for scene in struck_rows(1.0, gap=0.15):
+        stepper, state = deli.GVI(predictor=predictor).stepper(scene, 0.1), (scene.position, scene.momentum)
+        for _ in range(4):
+            state = stepper.step(*state)
+        counted.append((stepper.stats.solves + stepper.stats.skipped, stepper.stats.reflected_contacts))
+    np.testing.assert_array_equal(counted[0][0], counted[1][0])
+    assert counted[0][1] == counted[1][1] >= 3
+
+
+@pytest.mark.parametrize("predictor", ["forward", "closed_loop"])
 @pytest.mark.parametrize("most", [True, 5])
 def test_what_a_step_that_is_taken_again_had_posed_is_forgotten(predictor: str, most: bool | int) -> None:
     found, known = (

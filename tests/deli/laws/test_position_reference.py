@@ -1,6 +1,8 @@
 """The position update (7.3, 7.4, 7.8) against a dense semismooth Newton solver, on random smooth states."""
 
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +10,8 @@ from law_cases import BACKEND, SCHEMES, SKIP
 from law_reference import Reference
 
 import deli
+import solvers
+from solvers import registry
 
 State = tuple[deli.Scene, np.ndarray, np.ndarray]
 SCHEME = pytest.mark.parametrize("scheme", SCHEMES)
@@ -87,3 +91,47 @@ def test_random_smooth_states(kind: str, scheme: str, skip: bool) -> None:
 @BACKEND
 def test_random_smooth_states_with_every_backend(kind: str, backend: str) -> None:
     compare(kind, "midpoint", range(100, 103), skip=False, solvers=backend)
+
+
+class Tiring(solvers.Backend):
+    """Answers as `daqp` does, but for an error that grows from solve to solve."""
+
+    name, sparse = "tiring", False
+
+    def __init__(self, program: solvers.QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None:
+        self._inner, self._error = registry.factory("daqp")(program, tolerance, options), 1e-12
+
+    def update(self) -> None:
+        self._inner.update()
+
+    def solve(self) -> solvers.Answer:
+        answer, error = self._inner.solve(), self._error
+        self._error = min(100.0 * error, 1e-7)
+        return answer._replace(x=answer.x + error)
+
+
+@pytest.fixture
+def tiring() -> Iterator[str]:
+    registry.register("tiring", Tiring)
+    yield "tiring"
+    registry.unregister("tiring")
+
+
+@SCHEME
+@SKIP
+def test_the_best_iterate_is_kept(tiring: str, scheme: str, skip: bool) -> None:
+    """One body slides, another flies."""
+    scene = deli.Scene(
+        mass=[1.0, 2.0],
+        position=[[0.0, 0.0], [1.0, 5.0]],
+        momentum=[[1.0, 0.0], [2.0, 1.0]],
+        potential=[deli.Gravity([0.0, -9.8])],
+        unilateral=deli.Planes(normals=[0.0, 1.0], bodies=[0]),
+        dimension=2,
+    )
+    choice = {"backend": tiring, "tolerance": 1e-6, "polish": False}
+    stepper = deli.GVI(scheme=scheme).stepper(scene, 0.1, skip=skip, solvers={"position": choice})
+    x, _ = stepper.step(scene.position, scene.momentum)
+    assert stepper.stats.solves[1] >= 4
+    move = 0.1 * scene.momentum / scene.mass + [0.0, 0.0, 0.0, -0.5 * 9.8 * 0.1**2]
+    np.testing.assert_allclose(x, scene.position + move, rtol=0, atol=1e-11)

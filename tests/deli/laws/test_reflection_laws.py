@@ -93,6 +93,24 @@ def test_a_constraint_may_be_multiplied_by_a_number(
     np.testing.assert_allclose(other, plain, atol=1e-9 * np.abs(plain).max())
 
 
+@pytest.mark.parametrize("factors", [(1.0, 1.0), (1e-6, 1.0), (1.0, 1e6)])
+@SKIP
+def test_where_one_contact_grazes_another_keeps_its_energy(factors: tuple[float, float], skip: bool) -> None:
+    """A ball strikes one wall; at another wall a spring draws one away that hardly approaches, and it stops."""
+    scene = deli.Scene(
+        mass=1.0,
+        position=[0.0, 0.0, 1.0],
+        momentum=[-1.0, -1e-3, 1.0],
+        potential=deli.Springs(pairs=[(1, 2)], stiffness=1.0, rest_length=1.0),
+        unilateral=deli.Constraints(
+            value=lambda q: factors * q[:2], jacobian=lambda q: np.diag(factors) @ np.eye(2, 3)
+        ),
+        dimension=1,
+    )
+    after = deli.reflect(scene, scene.position, scene.momentum, energy="numerical", step_size=0.2, skip=skip)
+    np.testing.assert_allclose(after, [1.0, 0.0, 1.0], atol=1e-12)
+
+
 def drawn(seed: int, dof: int, rows: int, bilateral_rows: int) -> Cluster:
     """A cluster with a duplicate and a dependent row, which a common motion opens."""
     rng = np.random.default_rng(seed)

@@ -65,6 +65,32 @@ def test_passes_that_need_no_solver_are_counted_one_by_one() -> None:
     assert stepper.stats.solves[0] == 0
 
 
+def test_a_contact_between_bodies_that_both_turned_is_met_once() -> None:
+    """The outer balls strike the inner ones, these strike each other, and then the outer ones."""
+    scene = row_of_balls([1.0, 0.0, 0.0, -1.0])
+    stepper = deli.GVI().stepper(scene, 0.01)
+    _, after = stepper.step(scene.position, scene.momentum)
+    np.testing.assert_array_equal(after, -scene.momentum)
+    assert stepper.stats.skipped[0] == 3
+    assert stepper.stats.solves[0] == 0
+
+
+@SKIP
+def test_contacts_may_be_listed_in_any_order(skip: bool) -> None:
+    """A blow in the middle of a row of balls is handed on to both of its ends."""
+    momentum = np.array([0.0, 0.0, 1.0, -1.0, 0.0, 0.0])
+    pairs = np.array([(ball, ball + 1) for ball in range(5)])
+    for listed in (pairs, pairs[::-1], pairs[:, ::-1], pairs[[1, 4, 0, 3, 2]]):
+        scene = deli.Scene(
+            mass=1.0,
+            position=np.arange(6.0),
+            momentum=momentum,
+            unilateral=deli.SpheresApart(pairs=listed, distance=1.0),
+        )
+        after = deli.reflect(scene, scene.position, momentum, skip=skip)
+        np.testing.assert_allclose(after, [-1.0, 0.0, 0.0, 0.0, 0.0, 1.0], atol=1e-14)
+
+
 def test_what_comes_back_in_a_later_step_is_no_cycle() -> None:
     """A ball between two walls has, after each bounce, the momentum that it had before the one before."""
     scene = deli.Scene(
@@ -201,9 +227,15 @@ def test_only_the_sequential_operator_depends_on_the_order_of_contacts(operator:
 
 @REFLECTION
 @SKIP
-def test_a_ball_between_two_walls_is_refused(operator: str, order: str, skip: bool) -> None:
+@pytest.mark.parametrize("bodies", [1, 1001])
+def test_a_ball_between_two_walls_is_refused(operator: str, order: str, skip: bool, bodies: int) -> None:
+    """However many others there are."""
     scene = deli.Scene(
-        mass=1.0, position=[0.0], momentum=[1.0], unilateral=deli.Planes(normals=[[1.0], [-1.0]], bodies=[0, 0])
+        mass=1.0,
+        position=np.zeros(bodies),
+        momentum=np.ones(bodies),
+        unilateral=deli.Planes(normals=[[1.0], [-1.0]], bodies=[0, 0]),
+        dimension=1,
     )
-    with pytest.raises(deli.StepError, match="reflection"):
+    with pytest.raises(deli.StepError, match="turns back and forth between 2 contacts"):
         deli.reflect(scene, scene.position, scene.momentum, operator, order=order, skip=skip)

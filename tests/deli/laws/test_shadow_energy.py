@@ -81,16 +81,18 @@ def linked(momentum=(0.3, -0.7, -0.1, -0.4)):
     )
 
 
+def measured(scene, scheme, step_size, order=MEASURED):
+    """Shadow energy of the state that a scene begins in."""
+    run = deli.simulate(scene, deli.DiscreteSmooth(scheme), step_size=step_size, steps=1)
+    return float(metrics.shadow_energy(run, order, scene)[0])
+
+
 def kick(build, scheme, energy, step_size):
     """Change of the shadow energy, of the highest order, in one reflection."""
     scene = build()
     turned = deli.reflect(scene, scene.position, scene.momentum, energy=energy, scheme=scheme, step_size=step_size)
-    levels = []
-    for momentum in (scene.momentum, turned):
-        state = build(momentum)
-        run = deli.simulate(state, deli.DiscreteSmooth(scheme), step_size=step_size, steps=1)
-        levels.append(float(metrics.shadow_energy(run, MEASURED, state)[0]))
-    return abs(levels[1] - levels[0])
+    before, after = (measured(build(momentum), scheme, step_size) for momentum in (scene.momentum, turned))
+    return abs(after - before)
 
 
 @pytest.mark.parametrize("scheme", ["midpoint", "verlet"])
@@ -106,6 +108,29 @@ def kick(build, scheme, energy, step_size):
 def test_a_reflection_moves_it_by_the_power_that_its_energy_leaves(build, scheme, energy, power):
     coarse, fine = kick(build, scheme, energy, 0.05), kick(build, scheme, energy, 0.025)
     assert np.log2(coarse / fine) == pytest.approx(power, abs=0.4)
+
+
+@pytest.mark.parametrize(("scheme", "step_size"), [("midpoint", 0.5), ("verlet", 0.7)])
+@pytest.mark.parametrize("order", [2, 4, 6, 8])
+@pytest.mark.parametrize("build", [pressed, linked])
+def test_a_reflection_conserves_its_own_to_rounding(build, order, scheme, step_size):
+    scene, options = build(), {"scheme": scheme, "step_size": step_size}
+    turned = deli.reflect(scene, scene.position, scene.momentum, energy=f"shadow{order}", **options)
+    assert np.abs(turned - scene.momentum).max() > 0.1
+    before, after = (measured(build(momentum), order=order, **options) for momentum in (scene.momentum, turned))
+    assert after == pytest.approx(before, rel=1e-12)
+
+
+@pytest.mark.parametrize(("scheme", "other", "speed"), [("midpoint", 3.0, 0.03), ("verlet", -3.0, 0.05)])
+def test_contacts_that_graze_are_let_go(scheme, other, speed):
+    """The smooth steps lead the second mass away from the wall: at once, or after an impulse that does not turn it."""
+    for slower, pushed in ((0.2 * speed, False), (speed, True)):
+        scene = pressed((other, -slower))
+        turned = deli.reflect(scene, scene.position, scene.momentum, energy="shadow4", scheme=scheme, step_size=0.2)
+        assert turned[0] == other
+        assert (-slower < turned[1] < 0.0) if pushed else turned[1] == -slower
+        before, after = (measured(pressed(momentum), scheme, 0.2, 4) for momentum in (scene.momentum, turned))
+        assert after == pytest.approx(before, rel=1e-12)
 
 
 def test_impacts_of_the_pogo_stick_do_not_add_up():

@@ -36,6 +36,7 @@ def test_skipping_changes_nothing_but_the_count(case: Case, method: object) -> N
     np.testing.assert_array_equal(on.skipped[:, PROJECTION], off.solves[:, PROJECTION])
     if isinstance(method, deli.DiscreteSmooth) or method.predictor == "forward":
         assert (on.skipped[:, PROJECTION] == 1).all()  # landings in a closed loop take more
+        assert (off.skipped[off.reflected > 0, REFLECTION] == 0).all() or method in SHADOW_METHODS
     # A position update is skipped, or takes as many solves as it has linearizations.
     assert (off.solves[:, POSITION] >= 1).all()
     assert (off.skipped[:, POSITION] == 0).all()
@@ -57,6 +58,8 @@ def test_what_needs_no_solver_gets_none(case: Case) -> None:
     assert (on.solves[~contact, POSITION] == 0).all()
     assert (on.solves[contact, POSITION] >= 1).all()
     assert (on.solves[on.reflected < 2, REFLECTION] == 0).all()
+    if not on.scene.bilateral.rows:  # an unconstrained step is no position update that could be measured
+        assert np.isnan(on.residuals[~contact & (on.reflected == 0)][..., POSITION]).all()
 
 
 def test_solvers_are_asked_where_skipping_is_on() -> None:

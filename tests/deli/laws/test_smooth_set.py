@@ -49,6 +49,22 @@ def test_a_contact_that_touches_and_approaches_is_not_smooth() -> None:
     assert p[0] == pytest.approx(1.0 - 9.8 * STEP_SIZE)
 
 
+def test_a_contact_that_neither_presses_nor_opens_is_held() -> None:
+    """It slides from where no force presses it to where one does, which the momentum there does not follow."""
+    scene = deli.Scene(
+        mass=1.0,
+        position=[0.0, 0.0],
+        momentum=[1.0, 0.0],
+        potential=deli.Potential(energy=lambda q: q[0] * q[1], gradient=lambda q: q[::-1].copy()),
+        unilateral=deli.Planes(normals=[0.0, 1.0], bodies=[0]),
+        dimension=2,
+    )
+    stepper = deli.GVI(scheme="verlet").stepper(scene, STEP_SIZE)
+    x, p = stepper.step(scene.position, scene.momentum)
+    np.testing.assert_array_equal(x, [STEP_SIZE, 0.0])
+    np.testing.assert_array_equal(p, [1.0, 0.0])
+
+
 def test_a_ball_at_rest_on_the_floor_stays() -> None:
     scene = deli.scenes.point_mass(position=0.0)
     stepper = deli.GVI().stepper(scene, STEP_SIZE)
