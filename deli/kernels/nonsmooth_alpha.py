@@ -79,8 +79,6 @@ def _project(machine: Machine, count: int) -> int:
     groups = connect(machine, count, True, system.coupled or not method.skip)
     for group in range(groups):
         equalities, rows = gather_rows(machine, group)
-        if method.skip and rows == 0:
-            continue
         for k in range(rows):
             program.bounds[k] = 0.0
         for k in range(equalities, rows):

@@ -10,6 +10,7 @@ from scipy import sparse
 from scipy.optimize import linprog
 
 import solvers
+from solvers import native_sparse
 from solvers.native import project, residuals
 from solvers.program import Matrix, QuadraticProgram
 from solvers.residuals import Residuals
@@ -146,6 +147,15 @@ def test_wedge_by_hand():
     np.testing.assert_allclose(y, 1e6, rtol=1e-9)
 
 
+def test_a_multiplier_that_vanishes_is_not_negative():
+    """Not by rounding either."""
+    rows = np.array([[1.0, 0.0, -1.0], [-1.0, 1.0, 0.0], [-1.0, 1.0, 1.0]])
+    status, _, y, _ = solve(rows, np.zeros(3), 1, [2.0, -3.0, -2.0])
+    assert status == SOLVED
+    assert y[1:].min() >= 0.0
+    np.testing.assert_allclose(y, [1.0, 0.0, 3.0], atol=1e-15)
+
+
 @settings(max_examples=200, deadline=None)
 @given(st.data())
 def test_any_small_problem_ends_in_optimality_or_infeasibility(data):
@@ -273,6 +283,31 @@ def test_the_same_bits_every_time():
         assert again[0] == status
         np.testing.assert_array_equal(again[1], z)
         np.testing.assert_array_equal(again[2], y)
+
+
+@pytest.mark.parametrize("exponent", [-90, 90])
+def test_problems_of_another_size_have_the_same_answer_to_the_bit(exponent):
+    random = np.random.default_rng(0)
+    for make in (general, repeated, rank_deficient):
+        for _ in range(50):
+            rows, bounds, equalities, wish = make(random)
+            status, z, y, _ = solve(rows, bounds, equalities, wish)
+            other = solve(rows, np.ldexp(bounds, exponent), equalities, np.ldexp(wish, exponent))
+            assert other[0] == status == SOLVED
+            np.testing.assert_array_equal(other[1], np.ldexp(z, exponent))
+            np.testing.assert_array_equal(other[2], np.ldexp(y, exponent))
+
+
+def test_a_guess_that_does_not_settle_is_replaced(monkeypatch):
+    """Of the sparse method; where only one set is tried, all rows are the right one to try."""
+    rows, projection = sparse.csr_array(np.eye(3)), native_sparse.SparseProjection(warm_start=True)
+    z, _, _, status = projection.project(rows, np.zeros(3), 0, np.ones(3))
+    np.testing.assert_array_equal(z, 1.0)
+    monkeypatch.setattr(native_sparse, "ROUNDS", 1)
+    z, y, tried, status = projection.project(rows, np.zeros(3), 0, -np.ones(3))
+    assert (status, tried) == (native_sparse.SOLVED, 2)
+    np.testing.assert_allclose(z, 0.0, atol=1e-15)
+    np.testing.assert_allclose(y, 1.0, rtol=1e-15)
 
 
 def stored(dense):

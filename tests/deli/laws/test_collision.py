@@ -41,6 +41,29 @@ def test_a_bouncing_ball_follows_the_exact_solution(scheme: str, energy: str, or
     assert (ball.smooth == 0).all()
 
 
+def test_reflections_that_need_no_solver_are_counted_once_an_event() -> None:
+    ball = run(deli.scenes.point_mass(), deli.Collision(), 0.1, 100)
+    assert ball.reflected.max() == 1
+    np.testing.assert_array_equal(ball.skipped[:, 0], 1)
+    assert ball.solves.sum() == 0
+
+
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
+def test_the_first_of_two_events_need_not_be_the_one_that_seems_so(order: list[int]) -> None:
+    """One body ends the step below the floor, the other just there after it was far below: on straight lines, later."""
+    position, momentum = np.array([[1.0, -4.01], [3.0, -6.8]])[order].T
+    thrown = {"potential": deli.Gravity(6.0), "unilateral": deli.Planes([1.0])}
+
+    def step(q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, ...]:
+        stepper = deli.Collision("verlet").stepper(deli.Scene(1.0, q, p, **thrown), 1.0)
+        state = stepper.step(q, p)
+        assert stepper.stats.reflected_contacts == len(q)
+        return state
+
+    alone = [step(position[k : k + 1], momentum[k : k + 1]) for k in range(2)]
+    np.testing.assert_allclose(step(position, momentum), np.hstack(alone), rtol=1e-12)
+
+
 @SCHEME
 @pytest.mark.parametrize("energy", ["hamiltonian", "numerical"])
 def test_a_contact_that_is_closed_at_the_start_is_met_there(scheme: str, energy: str) -> None:

@@ -63,6 +63,23 @@ def test_whispering_along_a_circle_keeps_energy_and_angular_momentum() -> None:
     assert run(scene, deli.GVI(), 0.1, 10).gap < -1e-3
 
 
+def test_particles_that_do_not_meet_land_as_each_alone() -> None:
+    """Each keeps its own energy."""
+    starts = [([0.999, 0.0], [-0.01, 1.0]), ([0.0, -0.999], [2.0, 0.03])]
+    runs = [
+        run(
+            deli.Scene(1.0, position, momentum, unilateral=deli.SpheresInside(1.0), dimension=2),
+            deli.GVI(predictor="closed_loop"),
+            0.1,
+            100,
+        )
+        for position, momentum in [*starts, tuple(np.array(starts).transpose(1, 0, 2))]
+    ]
+    for name in ("position", "momentum"):
+        first, second, both = (getattr(of, name) for of in runs)
+        np.testing.assert_allclose(both, np.hstack([first, second]), atol=1e-12)
+
+
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_landed_motion_is_that_along_the_level(scheme: str) -> None:
     """The pogo stick's mass above a landed one is an oscillator of its own: the scheme's steps are known for it."""
@@ -120,6 +137,22 @@ def test_shadow_energies_are_the_same_after_a_landing(scheme: str, order: int) -
         landed = np.abs(np.diff(run["trajectory"]["position"].values[:, 1])) < 1e-13
         assert landed.any()
         assert np.ptp(run["trajectory"]["momentum"].values[1:, 1]) > 1e-3  # pays for the rest
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_shadow_energies_are_the_same_where_another_contact_rests(scheme: str) -> None:
+    scene = deli.Scene(
+        mass=1.0,
+        position=[LENGTH, 0.01, 0.0],
+        momentum=[0.3, -0.5, 0.0],
+        potential=[deli.Gravity(-GRAVITY), deli.Springs([(0, 1)], STIFFNESS, LENGTH)],
+        unilateral=deli.Planes([1.0], bodies=[1, 2]),
+    )
+    run = deli.simulate(scene, deli.GVI(scheme, energy="shadow4", predictor="closed_loop"), step_size=STEP, steps=50)
+    energies = deli.metrics.shadow_energy(run, 4, scene).values
+    np.testing.assert_allclose(energies, energies[0], rtol=1e-11)
+    assert (run["trajectory"]["smooth_contacts"].values[1:] == 1).all()
+    assert (np.abs(np.diff(run["trajectory"]["position"].values[:, 1])) < 1e-13).any()
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)

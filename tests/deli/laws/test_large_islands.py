@@ -176,3 +176,22 @@ def test_the_native_solver_counts_and_measures_as_others_do(scene: deli.Scene) -
         np.testing.assert_allclose(getattr(native, name), getattr(other, name), rtol=0, atol=1e-9, err_msg=name)
     assert (native.solve_time >= 0.0).all()
     assert (native.overhead_time >= 0.0).all()
+
+
+def test_equations_alone_are_a_linear_solve_however_many() -> None:
+    """A row of rods whose first end is struck across it."""
+    bodies = program.LARGEST_DENSE + 20
+    momentum = np.zeros((bodies, 2))
+    momentum[0, 1] = 1.0
+    scene = deli.Scene(
+        mass=1.0,
+        position=np.stack([np.arange(bodies), np.zeros(bodies)], axis=1),
+        momentum=momentum,
+        bilateral=deli.Rods([(k, k + 1) for k in range(bodies - 1)], 1.0),
+        dimension=2,
+    )
+    stepper = deli.GVI().stepper(scene, 0.1, solvers="piqp")
+    q, p = stepper.step(scene.position, scene.momentum)
+    assert stepper.stats.solves.sum() == 0
+    assert np.abs(scene.bilateral.value(q)).max() <= 1e-12
+    np.testing.assert_allclose(p.reshape(-1, 2).sum(axis=0), [0.0, 1.0], atol=1e-12)

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from law_runs import difference, growth, run
+from law_runs import Run, difference, growth, run
 
 import deli
 
@@ -117,6 +117,49 @@ def test_large_islands_are_solved_like_small_ones() -> None:
     assert dense.backends == {"daqp"}
     method = deli.GVI()
     assert difference(sparse, dense) <= growth(sparse, method, 0.002) * (sparse.rounding + dense.rounding)
+
+
+def test_clusters_that_do_not_touch_are_reflected_as_each_alone() -> None:
+    mass, momentum = np.arange(1.0, 7.0), np.array([1.0, 0.0, -1.0, 3.0, 0.0, -2.0])
+    position = np.array([-1.0, 0.0, 1.0, 9.0, 10.0, 11.0])
+    pairs = np.array([(0, 1), (1, 2), (3, 4), (4, 5)])
+
+    def reflected(bodies: slice, chosen: np.ndarray) -> np.ndarray:
+        q, p = position[bodies], momentum[bodies]
+        return deli.reflect(deli.Scene(mass[bodies], q, p, unilateral=deli.SpheresApart(chosen, 1.0)), q, p)
+
+    alone = [reflected(slice(3), pairs[:2]), reflected(slice(3, 6), pairs[2:] - 3)]
+    assert (np.sign(np.concatenate(alone)) != np.sign(momentum)).sum() >= 4
+    np.testing.assert_allclose(reflected(slice(6), pairs), np.concatenate(alone), rtol=1e-12)
+
+
+def test_rods_that_do_not_meet_hold_as_each_alone() -> None:
+    """Each hangs from a bead on a track: the equation of the track holds at once, that of the rod does not."""
+
+    def swinging(tracks: np.ndarray) -> Run:
+        beads, rods = 2 * np.arange(len(tracks)), len(tracks)
+        position = np.repeat(np.arange(2 * rods), 2).reshape(-1, 2) * [1.0, 0.0]
+        momentum = np.tile([[0.0, 0.0], [0.0, -1.0]], (rods, 1))
+        scene = deli.Scene(
+            mass=np.tile([1.0, 2.0], rods),
+            position=position,
+            momentum=momentum,
+            potential=deli.Gravity([0.0, -9.8]),
+            bilateral=[
+                deli.Planes(tracks, offsets=np.vecdot(tracks, position[beads]), bodies=beads),
+                deli.Rods(np.stack([beads, beads + 1], axis=1), 1.0),
+            ],
+            dimension=2,
+        )
+        return run(scene, deli.GVI(), 0.02, 50)
+
+    tracks = np.array([[0.0, 1.0], [0.3, 1.0], [-0.6, 1.0]])
+    together = swinging(tracks)
+    assert np.abs(together.scene.bilateral.value(together.position)).max() <= 1e-12
+    for k, track in enumerate(tracks):
+        alone = swinging(track[np.newaxis])
+        moved = together.position[:, 4 * k : 4 * k + 4] - [2.0 * k, 0.0, 2.0 * k, 0.0]
+        np.testing.assert_allclose(moved, alone.position, atol=1e-11)
 
 
 @pytest.mark.parametrize("beads", [10, 300])

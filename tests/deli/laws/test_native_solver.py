@@ -5,11 +5,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from law_cases import CASES, ENERGIES, EVERY_CASE, MANY_BODIES, PREDICTORS, Case
+from law_cases import CASE_BY_NAME, CASES, ENERGIES, EVERY_CASE, MANY_BODIES, PREDICTORS, Case
 from law_runs import Run, growth, run, sizes
 
 import deli
 import solvers
+from deli.integrators import bridge
 from solvers import registry
 from solvers.residuals import Residuals
 
@@ -173,3 +174,24 @@ def test_what_compiled_code_cannot_verify_is_left_to_the_chain_as_it_was(start: 
     assert stepper.stats.fallbacks.sum() > 0
     assert stepper.stats.verified.sum() < stepper.stats.solves.sum()
     np.testing.assert_allclose(states[1], states[0], rtol=0, atol=1e-11)
+
+
+def test_where_there_is_no_clock_solves_go_untimed(monkeypatch: pytest.MonkeyPatch) -> None:
+    case, method = CASE_BY_NAME["newtons_cradle"], deli.GVI()
+    scene = case.build()
+    steppers = [method.stepper(scene, case.step_size, solvers="native")]
+    with monkeypatch.context() as without:
+        without.setattr(bridge, "_clock", bridge._clock.__wrapped__)
+        without.setattr(bridge.ctypes, "CDLL", lambda name: object())
+        steppers.append(method.stepper(scene, case.step_size, solvers="native"))
+    states = []
+    for stepper in steppers:
+        state = scene.position, scene.momentum
+        for _ in range(case.steps):
+            state = stepper.step(*state)
+        states.append(np.concatenate(state))
+    timed, untimed = (stepper.stats for stepper in steppers)
+    np.testing.assert_array_equal(*states)
+    np.testing.assert_array_equal(timed.solves, untimed.solves)
+    assert (timed.solve_time[timed.solves > 0] > 0.0).all()
+    assert untimed.solve_time.sum() == untimed.overhead_time.sum() == 0.0

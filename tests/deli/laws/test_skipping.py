@@ -69,3 +69,15 @@ def test_solvers_are_asked_where_skipping_is_on() -> None:
     assert on.solves[:, REFLECTION].sum() > 0
     assert on.solves[:, POSITION].sum() > 0
     assert on.skipped.sum(axis=0).min() > 0
+
+
+@pytest.mark.parametrize("bodies", range(1, 8))
+def test_what_falls_off_a_ceiling_falls_freely(bodies: int) -> None:
+    """Programs are filled up with rows to a few sizes, and those must not bind."""
+    scene = deli.Scene(
+        1.0, np.zeros(bodies), np.zeros(bodies), deli.Gravity(-9.8), deli.Planes([-1.0], bodies=range(bodies))
+    )
+    fallen = run(scene, deli.GVI("verlet"), 0.1, 1, skip=False)
+    assert fallen.smooth[0] == bodies
+    np.testing.assert_allclose(fallen.position[1], -4.9 * 0.1**2, rtol=1e-12)
+    np.testing.assert_allclose(fallen.momentum[1], -0.98, rtol=1e-12)

@@ -75,3 +75,14 @@ def test_a_ball_at_rest_on_the_floor_stays() -> None:
     assert stepper.stats.reflected_contacts == 0
     assert abs(q[0]) <= 1e-13
     assert p[0] == 0.0
+
+
+def test_a_ball_at_rest_above_the_floor_does_not_approach_it() -> None:
+    """What it falls in a step is more than its height, and there is no momentum yet to reflect."""
+    scene = deli.scenes.point_mass(position=0.01, momentum=0.0)
+    stepper = deli.GVI("verlet").stepper(scene, 0.1)
+    q, p = stepper.step(scene.position, scene.momentum)
+    np.testing.assert_allclose([q[0], p[0] / scene.mass[0]], [0.01 - 4.9 * 0.1**2, -9.8 * 0.1], rtol=1e-13)
+    _, p = stepper.step(q, p)
+    assert stepper.stats.reflected_contacts == 1
+    assert abs(p[0]) <= 1e-13  # turned back, and slowed down by the next step's fall

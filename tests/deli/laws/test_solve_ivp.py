@@ -81,6 +81,18 @@ def test_resting_contacts_are_an_outcome(height):
     assert result.attrs["outcome"].endswith("deli.GVI.")
 
 
+def test_impacts_that_follow_at_once_are_an_outcome():
+    """A corner whose walls are met together is left the way it was entered; else each wall has an impact of its own."""
+    outcomes = []
+    for apart in (0.0, 1e-13):
+        walls = deli.Planes(np.eye(2), bodies=[0, 0])
+        scene = deli.Scene(1.0, [1.0, 1.0 + apart], [-1.0, -1.0], unilateral=walls, dimension=2)
+        result = deli.simulate(scene, deli.SolveIvp(), step_size=2.0, steps=1, contact_tolerance=1e-15)
+        outcomes.append(result.attrs["outcome"])
+    assert outcomes[0] == "complete"
+    assert "a contact is met again at once, after 1 events of the step, 1 into its 2:" in outcomes[1]
+
+
 @pytest.mark.parametrize(
     ("scene", "words"),
     [

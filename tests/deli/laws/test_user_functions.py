@@ -97,3 +97,27 @@ def test_a_state_whose_energy_cannot_be_had_is_no_row(tmp_path) -> None:
     kept = deli.open_run(path)["trajectory"]
     np.testing.assert_allclose(kept["position"].values[:, 0], [0.0, 0.01, 0.02, 0.03], atol=1e-15)
     np.testing.assert_array_equal(kept["hamiltonian"].values, [0.5] * 4)
+
+
+def test_a_potential_that_is_flat_at_the_start_curves_elsewhere() -> None:
+    """What functions return at one configuration is all that is known of them."""
+    quartic = deli.Potential(
+        energy=lambda q: 0.25 * q[0] ** 4, gradient=lambda q: q**3, hessian=lambda q: 3.0 * q[np.newaxis] ** 2
+    )
+    known, found = (
+        run(deli.Scene(1.0, [0.0], [1.0], potential), deli.GVI(), 0.1, 50)
+        for potential in (deli.RadialPowers([0.25], [4.0]), quartic)
+    )
+    assert difference(known, found) <= 1e-12
+
+
+def test_a_gap_with_no_gradient_at_the_start_closes_elsewhere() -> None:
+    """Gaps are measured by their gradients at the start."""
+    scene = deli.Scene(
+        1.0, [0.0], [0.0], deli.Gravity(9.8), deli.Constraints(lambda q: 1.0 - q**2, lambda q: -2.0 * q[:, np.newaxis])
+    )
+    stepper = deli.GVI().stepper(scene, 0.1)
+    q, p = stepper.step(np.ones(1), np.zeros(1))
+    assert stepper.stats.smooth_contacts == 1
+    assert abs(q[0] - 1.0) <= 1e-13
+    assert p[0] == 0.0

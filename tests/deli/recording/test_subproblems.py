@@ -207,14 +207,15 @@ def test_a_limit_keeps_the_first_and_says_how_many_it_left_out():
     np.testing.assert_array_equal(some["velocity"], full["velocity"][: some.sizes["variable"]])
 
 
-def test_size_is_limited_too_and_a_resumed_run_knows(monkeypatch, tmp_path, at_step):
-    monkeypatch.setattr("deli.subproblems.collector.MOST_BYTES", 20_000)
-    path, full = tmp_path / "run.nc", simulate("cradle", subproblems=True)
+@pytest.mark.parametrize(("name", "most"), [("cradle", 20_000), ("newton_metric", 30_000)])
+def test_size_is_limited_too_and_a_resumed_run_knows(name, most, monkeypatch, tmp_path, at_step):
+    monkeypatch.setattr("deli.subproblems.collector.MOST_BYTES", most)
+    path, full = tmp_path / "run.nc", simulate(name, subproblems=True)
     arrays = [
         v for v in posed(full).data_vars.values() if v.dims and v.dims != ("problem",) and v.name != "row_entries"
     ]
     size = sum(array.nbytes for array in arrays) + 8 * posed(full).sizes["row"]
-    assert 20_000 <= size < 25_000
+    assert most <= size < most + 2 * size / posed(full).sizes["problem"]
     assert posed(full)["left_out"] > 0
 
     def stop(take):
@@ -222,10 +223,10 @@ def test_size_is_limited_too_and_a_resumed_run_knows(monkeypatch, tmp_path, at_s
 
     at_step(15, stop)
     with pytest.raises(deli.Interrupted):
-        simulate("cradle", output=path, subproblems=True)
+        simulate(name, output=path, subproblems=True)
     at_step.restore()
     assert posed(deli.open_run(f"{path}.partial"))["left_out"] == 0
-    resumed = simulate("cradle", output=path, resume=True, subproblems=True)
+    resumed = simulate(name, output=path, resume=True, subproblems=True)
     xr.testing.assert_identical(posed(resumed), posed(full))
 
 
