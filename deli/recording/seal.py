@@ -20,6 +20,11 @@ def seal(path: Path) -> None:
         os.fsync(file.fileno())
 
 
+def sealed(path: Path) -> bool:
+    """Whether a file ends with a seal, whatever its content is: what was cut off or replaced does not."""
+    return _recorded(path) is not None
+
+
 def intact(path: Path) -> bool | None:
     """Whether a file's content is what was sealed; None where there is no seal."""
     recorded = _recorded(path)

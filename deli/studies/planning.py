@@ -10,6 +10,7 @@ from deli.errors import InputError
 from deli.recording.paths import partial_path
 from deli.recording.provenance import NONE_USED, backend_version, flatten, version
 from deli.recording.reading import read_attributes
+from deli.recording.seal import sealed
 from deli.studies.expansion import Case, Study
 from deli.studies.layout import config_path, run_path
 from deli.studies.measuring import EXACT, definition, measured
@@ -75,7 +76,8 @@ def _of_run(case: Case, file: Path, record: Mapping[str, Any], retry: bool) -> D
     state = record.get("state")
     if file.exists():
         try:
-            known = record if state in (DONE, FAILED) and set(KNOWN) <= record.keys() else read_attributes(file)
+            told = state in (DONE, FAILED) and set(KNOWN) <= record.keys() and sealed(file)
+            known = record if told else read_attributes(file)
         except InputError as error:
             return Decision(case, RUN, f"cannot be read: {error}", fresh=True)
         newer = _newer_versions(known["deli_version"], known["backend_versions"])

@@ -145,7 +145,7 @@ def test_damaged_metrics_are_measured_again_and_damaged_partial_files_begun_agai
     assert after.drop_vars(clocks).identical(before.drop_vars(clocks).assign_attrs(after.attrs))
 
 
-def test_a_damaged_run_is_refused_alone_and_runs_again_where_its_end_is_not_known(out):
+def test_a_damaged_run_is_refused_alone_and_runs_again(out):
     study = deli.open_study(out)
     labels = {"mass": 1.0, "skip": True}
     file = out / study.file.sel(labels).item()
@@ -155,10 +155,11 @@ def test_a_damaged_run_is_refused_alone_and_runs_again_where_its_end_is_not_know
         study.deli.run(**labels)
     assert study.deli.run(mass=2.0, skip=True).attrs["outcome"] == "complete"
     assert call("report", out).exit_code == DONE
-    (out / "manifest.json").unlink()
     whys = [why for action, why in plan(out) if action == "run"]
     assert len(whys) == 1
     assert f"{file.name} is damaged: it was cut off" in whys[0]
+    assert run_study(make_study(TABLE, out.parent), out, workers=1).states == {"done": 4}
+    assert study.deli.run(**labels).attrs["outcome"] == "complete"
 
 
 def test_a_digest_leads_nowhere_else(out):
