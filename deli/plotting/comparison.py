@@ -1,5 +1,6 @@
 """Plots that compare the cases of a study, from their metrics; each draws on one Axes, a new one if none is given."""
 
+import sys
 import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -233,9 +234,14 @@ def _marker(index: int) -> str:
 
 def _finish(axes: Axes) -> Axes:
     """Scales and legend of points on logarithmic axes, or the words that there are none."""
-    if any(np.isfinite(np.array(line.get_xydata(), dtype=float)).all(axis=1).any() for line in axes.lines):
-        axes.set_xscale("log")
-        axes.set_yscale("log")
+    points = np.concatenate([np.empty((0, 2)), *(np.array(line.get_xydata(), dtype=float) for line in axes.lines)])
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points):
+        for axis, values in zip("xy", points.T, strict=True):
+            low, high = float(values.min()), float(values.max())
+            if high - low <= 1e-9 * high:  # a distance of rounding, for which matplotlib finds no limits
+                axes.set(**{f"{axis}lim": (0.1 * low, min(10.0 * high, sys.float_info.max))})
+            axes.set(**{f"{axis}scale": "log"})
         _legend(axes)
     else:
         axes.text(0.5, 0.5, "no case has both numbers", transform=axes.transAxes, ha="center", color="0.4", fontsize=9)

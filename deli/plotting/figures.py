@@ -1,6 +1,7 @@
 """Figures for notebooks and files."""
 
 import os
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -172,7 +173,8 @@ def write_picture(figure: Figure, path: Path, dpi: float = DPI) -> None:
     RecordingError
         If it cannot be written; what was there before is there still.
     """
-    with replacing(path) as fresh:
+    with replacing(path) as fresh, warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "constrained_layout not applied")  # where words leave no room for axes
         figure.savefig(fresh, dpi=dpi, format=path.suffix[1:].lower())
 
 

@@ -108,6 +108,13 @@ def test_a_picture_is_written(recorded, tmp_path):
     assert width > height > 500
 
 
+def test_a_picture_whose_words_leave_no_room_is_written(tmp_path):
+    run = deli.simulate(deli.scenes.point_mass(), deli.GVI(), step_size=0.1, steps=5)
+    run.attrs["title"] = "a long title\n" * 200
+    deli.plotting.save(run, tmp_path / "run.png")
+    assert (tmp_path / "run.png").stat().st_size > 0
+
+
 def test_one_row_can_be_drawn(tmp_path, at_step):
     at_step(1, lambda take: StepError("position: no [/luck]"))
     for scene in (deli.scenes.pogo_stick(), deli.scenes.newtons_cradle()):

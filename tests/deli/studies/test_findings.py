@@ -1,8 +1,10 @@
 """Sentences about a study are those that its numbers allow."""
 
+import numpy as np
 import pytest
 from study_data import made_up
 
+from deli.plotting.comparison import work_precision
 from deli.studies.findings import findings
 
 ONE = {"solver": "slow", "step_size": 0.1, "tolerance": 1e-3}
@@ -105,3 +107,15 @@ def test_members_of_an_ensemble_are_not_compared():
     told = findings(made_up().rename(tolerance="seed"))
     assert len(told) > 4
     assert not any("by seed" in sentence or "on seed" in sentence or "Along seed" in sentence for sentence in told)
+
+
+def test_points_that_differ_by_rounding_alone_are_drawn():
+    """Means of equal numbers, and zeros, which stand at the bottom of a logarithmic axis."""
+    data = made_up()
+    data["reflected_contacts"][:] = 1e-17 * np.linspace(1.0, 1.0 + 1e-15, data.reflected_contacts.size).reshape(2, 4, 3)
+    for error in ("reflected_contacts", "momentum_error", "smooth_contacts"):
+        axes = work_precision(data, "wall_time", error, "step_size", "solver")
+        low, high = axes.get_ylim()
+        drawn = np.concatenate([line.get_ydata() for line in axes.lines])
+        assert low < drawn.min() <= drawn.max() < high
+        assert axes.get_yscale() == "log"
