@@ -78,7 +78,7 @@ def _of_run(case: Case, file: Path, record: Mapping[str, Any], retry: bool) -> D
         try:
             told = state in (DONE, FAILED) and set(KNOWN) <= record.keys() and sealed(file)
             known = record if told else read_attributes(file)
-        except InputError as error:
+        except (InputError, OSError) as error:
             return Decision(case, RUN, f"cannot be read: {error}", fresh=True)
         newer = _newer_versions(known["deli_version"], known["backend_versions"])
         if newer:

@@ -131,36 +131,6 @@ def test_compiled_solves_are_counted_as_those_of_a_backend(case: Case) -> None:
     assert adapted.stats.native_solves == 0
 
 
-def discs_against_walls(walls: int) -> deli.Scene:
-    """A disc that meets one wall, which needs no solver, and one that meets several."""
-    tilts = np.linspace(-0.4, 0.4, walls)
-    corner = np.column_stack([np.sin(tilts), np.cos(tilts)])
-    return deli.Scene(
-        mass=[1.0, 2.0],
-        position=[[0.0, 0.0], [5.0, 0.0]],
-        momentum=[[0.3, -1.0], [0.2, -1.0]],
-        potential=[deli.Gravity([0.0, -1.0])],
-        unilateral=[
-            deli.Planes(np.array([[0.0, 1.0]]), bodies=[0]),
-            deli.Planes(corner, offsets=corner @ [5.0, 0.0], bodies=[1] * walls),
-        ],
-        dimension=2,
-    )
-
-
-def test_a_step_that_skips_one_solve_and_makes_another_counts_both() -> None:
-    scene = discs_against_walls(3)
-    for operator in ("generalized", "moreau"):
-        stats = []
-        for name in ("native", "both"):
-            stepper = deli.GVI(reflection=operator).stepper(scene, 0.01, solvers=name)
-            stepper.step(scene.position, scene.momentum)
-            stats.append(stepper.stats)
-        assert stats[0].solves[0] >= 1
-        for name in COUNTS:
-            np.testing.assert_array_equal(getattr(stats[0], name), getattr(stats[1], name), err_msg=name)
-
-
 @pytest.mark.parametrize("start", ["smooth", "mixed"])
 def test_what_compiled_code_cannot_verify_is_left_to_the_chain_as_it_was(start: str) -> None:
     """Newton's programs too, which the compiled solver works on in other coordinates."""
