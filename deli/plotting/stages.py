@@ -1,5 +1,6 @@
 """Bodies, rods and springs that move: artists made once, whose places change from frame to frame."""
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ MANY = 200
 """Bodies beyond which outlines are thin."""
 
 
-class Stage:
+class Stage(ABC):
     """What moves on one pair of axes.
 
     Parameters
@@ -64,11 +65,11 @@ class Stage:
     def _ends(self, segments: np.ndarray) -> np.ndarray:
         return segments
 
-    def _draw_bodies(self, axes: Axes, radius: np.ndarray) -> list[Any]:
-        raise NotImplementedError
+    @abstractmethod
+    def _draw_bodies(self, axes: Axes, radius: np.ndarray) -> list[Any]: ...
 
-    def _move(self, bodies: np.ndarray) -> None:
-        raise NotImplementedError
+    @abstractmethod
+    def _move(self, bodies: np.ndarray) -> None: ...
 
 
 class LineStage(Stage):
