@@ -1,6 +1,7 @@
 """Bodies, rods and springs that move: artists made once, whose places change from frame to frame."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -135,7 +136,7 @@ class SpaceStage(Stage):
         self._bodies[0].set_3d_properties(bodies[:, 2], "z")
 
 
-STAGES = {1: LineStage, 2: PlaneStage, 3: SpaceStage}
+STAGES: dict[int, Callable[[Axes, Scene | None, np.ndarray], Stage]] = {1: LineStage, 2: PlaneStage, 3: SpaceStage}
 
 
 def _looks(bodies: np.ndarray) -> dict[str, Any]:

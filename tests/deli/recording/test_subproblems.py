@@ -2,73 +2,17 @@
 
 import gc
 
-import cvxpy as cp
 import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
 from running import assert_same, call, refused
+from subproblem_cases import RUN, posed, problems, simulate
 
 import deli
 import solvers
 from deli.recording import contents, netcdf
-from deli.recording.reading import read_subproblems
 from solvers import Answer, Backend, Status
-
-MIXED, CLOSED_LOOP = {"start": "mixed"}, deli.GVI(predictor="closed_loop")
-RUNS = {
-    "cradle": (deli.scenes.newtons_cradle, {}, deli.GVI(), 0.02, 80, {}),
-    "cradle_no_skip": (deli.scenes.newtons_cradle, {"balls": 3}, deli.GVI(), 0.02, 60, {"skip": False}),
-    "newton_metric": (deli.scenes.spring_sphere, MIXED, deli.GVI(), 0.5, 40, {"solvers": "daqp"}),
-    "numerical": (deli.scenes.spring_sphere, MIXED, deli.GVI(energy="numerical"), 0.25, 60, {"skip": False}),
-    "closed_loop": (
-        deli.scenes.newtons_cradle,
-        {},
-        deli.GVI(predictor="closed_loop"),
-        0.02,
-        60,
-        {"solvers": "clarabel"},
-    ),
-    "searched": (deli.scenes.disc_pile, {"rows": 3, "columns": 3}, deli.GVI(), 0.02, 10, {}),
-    "gas": (deli.scenes.hard_sphere_gas, {"spheres": 30, "filled": 0.3}, deli.GVI(), 0.05, 150, {"skip": False}),
-    "memory": (deli.scenes.newtons_cradle, {}, deli.NonsmoothAlpha(), 0.02, 40, {}),
-    "direct": (deli.scenes.nonlinear_oscillator, {}, deli.Direct(), 0.05, 40, {}),
-}
-RUN = pytest.mark.parametrize("name", RUNS)
-
-
-def simulate(name, steps=None, **keywords):
-    build, parameters, method, step_size, usual, settings = RUNS[name]
-    return deli.simulate(
-        build(**parameters), method, step_size=step_size, steps=steps or usual, **{**settings, **keywords}
-    )
-
-
-def posed(run):
-    return run["subproblems"].to_dataset()
-
-
-def problems(run):
-    """Numbers of each problem, by hand from the ragged arrays: A, wish, R, b, z, y, and how many rows are equations."""
-    data = posed(run)
-    ends = {name: 0 for name in ("variable", "row", "entry", "metric_entry")}
-    for number in range(data.sizes["problem"]):
-        one = data.isel(problem=number)
-        sizes = dict(zip(ends, (int(one[c]) for c in ("variables", "rows", "entries", "metric_entries")), strict=True))
-        part = {name: slice(end, end + sizes[name]) for name, end in ends.items()}
-        n, m = sizes["variable"], sizes["row"]
-        matrix = np.zeros((m, n))
-        places = np.repeat(np.arange(m), data["row_entries"].values[part["row"]])
-        matrix[places, data["column"].values[part["entry"]]] = data["value"].values[part["entry"]]
-        metric = np.eye(n)
-        if sizes["metric_entry"]:
-            upper = np.zeros((n, n))
-            upper[np.triu_indices(n)] = data["metric"].values[part["metric_entry"]]
-            metric = upper + np.triu(upper, 1).T
-        vectors = (data[name].values[part["variable"]] for name in ("linear", "velocity"))
-        rows = (data[name].values[part["row"]] for name in ("bounds", "multiplier", "active"))
-        yield metric, matrix, *vectors, *rows, int(one["equalities"]), one
-        ends = {name: end + sizes[name] for name, end in ends.items()}
 
 
 @RUN
@@ -269,65 +213,6 @@ def test_the_problem_that_stopped_a_run_is_kept(tmp_path, giving_up, every, kept
     assert np.isnan(data["velocity"][-int(data["variables"][-1]) :]).all()
     assert np.isnan(data["primal_residual"][-1])
     assert np.isfinite(data["primal_residual"][:-1]).all()
-
-
-@RUN
-def test_a_loaded_problem_is_the_model_with_its_numbers_and_answer(name, tmp_path):
-    path = tmp_path / "run.nc"
-    run = simulate(name, subproblems=True, output=path)
-    known = list(problems(run))
-    last = len(known) - 1
-    kinds = {(int(one[-1]["subproblem"]), int(one[-1]["metric_entries"]) > 0): k for k, one in enumerate(known)}
-    for index in {0, last, *kinds.values()}:
-        _, matrix, linear, z, bounds, y, _, equalities, _ = known[index]
-        problem = deli.load_subproblem(path, index)
-        assert problem.is_dcp()
-        (velocity,) = problem.variables()
-        np.testing.assert_array_equal(velocity.value, z)
-        values = {parameter.name(): parameter.value for parameter in problem.parameters()}
-        np.testing.assert_array_equal(values["linear"], linear)
-        if equalities < len(bounds):
-            np.testing.assert_array_equal(values["gradients"], matrix[equalities:])
-            np.testing.assert_array_equal(values["bounds"], bounds[equalities:])
-        duals = [constraint.dual_value for constraint in problem.constraints]
-        expected = ([y[equalities:]] if equalities < len(bounds) else []) + ([-y[:equalities]] if equalities else [])
-        assert len(duals) == len(expected)
-        assert all(map(np.array_equal, duals, expected))
-        problem.solve(solver=cp.CLARABEL)
-        np.testing.assert_allclose(velocity.value, z, rtol=0, atol=1e-4)
-    problem = deli.load_subproblem(path, -1)
-    np.testing.assert_array_equal(problem.variables()[0].value, known[last][3])
-
-
-def test_a_large_problem_is_loaded_sparse(tmp_path):
-    path = tmp_path / "run.nc"
-    scene = deli.scenes.disc_pile(rows=8, columns=8)
-    deli.simulate(scene, deli.GVI(), step_size=0.01, steps=1, subproblems=1, output=path)
-    (posed_one,), _ = read_subproblems(path)
-    problem = deli.load_subproblem(path, 0)
-    (gradients,) = (parameter for parameter in problem.parameters() if parameter.name() == "gradients")
-    assert gradients.attributes["sparsity"]
-    assert abs(gradients.value_sparse - posed_one.matrix).max() == 0.0
-    np.testing.assert_array_equal(problem.variables()[0].value, posed_one.z)
-
-
-@pytest.mark.parametrize("index", [100_000, -100_000, 1.5, True, "0"])
-def test_an_index_that_is_none_is_refused(tmp_path, index):
-    path = tmp_path / "run.nc"
-    simulate("cradle", subproblems=5, output=path)
-    with pytest.raises(deli.InputError, match="holds subproblems 0 to 4"):
-        deli.load_subproblem(path, index)
-
-
-def test_files_without_subproblems_say_how_to_record_them(tmp_path):
-    plain, free = tmp_path / "plain.nc", tmp_path / "free.nc"
-    simulate("cradle", steps=2, output=plain)
-    with pytest.raises(deli.InputError, match=r"record\.subproblems = true"):
-        deli.load_subproblem(plain, 0)
-    flying = deli.scenes.point_mass(position=1e6)
-    deli.simulate(flying, deli.GVI(), step_size=0.1, steps=2, output=free, subproblems=True)
-    with pytest.raises(deli.InputError, match="skip = false"):
-        deli.load_subproblem(free, 0)
 
 
 @pytest.mark.parametrize("value", [0, -1, 1.5, "yes", None])
