@@ -29,6 +29,8 @@ def _select_here(machine: Machine) -> int:
         if gap <= allowed:
             work.pressing[count] = row
             count += 1
+    for row in range(system.bilateral.kind.size):
+        work.held_base[row] = 0.0
     return count
 
 

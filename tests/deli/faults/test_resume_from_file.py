@@ -98,6 +98,7 @@ def combinations():
     scenes, methods, backends = list(SCENES), list(METHODS), [None, *BACKENDS]
     for place in range(max(map(len, (scenes, methods, backends)))):
         yield scenes[place % len(scenes)], methods[place % len(methods)], source.choice(backends)
+    yield "newtons_cradle", "moreau_jean", None  # rods at the level of velocities
     for place, backend in enumerate(backends):
         yield scenes[(place + 5) % len(scenes)], "gvi", backend
 
