@@ -87,9 +87,13 @@ class Supervisor:
         self._ready, self._resident, self._heard = False, 0, 0
 
     def _swollen(self, process: "subprocess.Popen[str]") -> bool:
-        """Whether earlier cases have left it memory that would count against the next one's limit."""
-        limit = self._limits.memory
-        return limit is not None and _memory(process.pid) - self._resident > SWOLLEN * limit
+        """Whether earlier cases have left it memory that would count against the next one's limit.
+
+        Libraries that were loaded for them do not count: a process that takes its place would load them again.
+        """
+        limit, resident = self._limits.memory, _memory(process.pid)
+        self._resident = min(self._resident, resident)  # of what a case takes to begin, its arrays go with it
+        return limit is not None and resident - self._resident > SWOLLEN * limit
 
     def _read(self, process: "subprocess.Popen[str]") -> None:
         assert process.stdout is not None
@@ -123,7 +127,7 @@ class Supervisor:
         stopped: Callable[[], bool],
     ) -> Ended:
         assert process.stdin is not None
-        self._heard = os.fstat(self._errors.fileno()).st_size
+        self._heard, held = os.fstat(self._errors.fileno()).st_size, _memory(process.pid)
         try:
             process.stdin.write(line_of(order))
             process.stdin.flush()
@@ -145,6 +149,7 @@ class Supervisor:
             now = time.monotonic()
             if "began" in answer:
                 began, ready = now, 0.0
+                self._resident += max(0, _memory(process.pid) - held)
             if cause is None:
                 if limits.memory is not None and peak > limits.memory:
                     cause = {

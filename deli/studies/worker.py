@@ -18,7 +18,7 @@ from typing import Any, TextIO
 REPORT_SECONDS = 0.25
 PATIENCE_SECONDS, RETRY_SECONDS = 20.0, 0.1
 
-_met: set[tuple[str, str]] = set()
+_met: set[tuple[str, ...]] = set()
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,9 @@ def _warm_up(order: Order) -> None:
     from deli.config import parse
     from deli.errors import StepError
 
-    kind = (order.config["scene"]["name"], json.dumps(order.config["method"], sort_keys=True))
+    config = order.config
+    backends = [str(solver["backend"]) for solver in config["solvers"].values()]
+    kind = (config["scene"]["name"], json.dumps(config["method"], sort_keys=True), str(config["skip"]), *backends)
     if kind in _met:
         return
     _met.add(kind)

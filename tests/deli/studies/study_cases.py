@@ -56,11 +56,14 @@ def interrupt():
     os.kill(os.getpid(), signal.SIGINT)
 
 
+def is_worker(process):
+    return "deli.studies.worker" in " ".join(process.cmdline())
+
+
 def kill_workers():
     """Kill the worker processes that are children of this one, as the system does where memory runs out."""
-    for child in psutil.Process().children():
-        if "deli.studies.worker" in " ".join(child.cmdline()):
-            child.kill()
+    for child in filter(is_worker, psutil.Process().children()):
+        child.kill()
 
 
 def recorded(folder):

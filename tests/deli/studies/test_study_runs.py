@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import psutil
 import pytest
 import xarray as xr
 from running import DONE, RUN_FAILED, assert_same, call, refused
@@ -14,6 +15,7 @@ from study_cases import (
     Watch,
     assert_same_runs,
     interrupt,
+    is_worker,
     kill_workers,
     recorded,
     run,
@@ -144,6 +146,24 @@ def test_limits_end_the_case_that_exceeds_them(folder):
     assert result.states["done"] == 1
     assert found.deli.run(case="endless").attrs["outcome"].startswith("interrupted by SIGTERM")
     assert whys(folder, table) == ["timed out", "out of memory", "done"]
+
+
+def test_what_cases_load_is_loaded_once_whatever_the_limit(folder):
+    """A worker that were replaced for the libraries it holds would load them again for every case."""
+    workers = set()
+
+    class Count(Watch):
+        def ended(self, decision, record):
+            super().ended(decision, record)
+            workers.update(child.pid for child in psutil.Process().children() if is_worker(child))
+
+    table = {
+        "base": {**CRADLE, "steps": 20, "skip": False},
+        "axes": {"solvers.default.backend": ["native", "clarabel", "osqp"], "solvers.default.tolerance": [1e-8, 1e-9]},
+        "limits": {"memory": "1500 MB"},
+    }
+    assert run(folder, table, watcher=Count()).states == {"done": 6}
+    assert len(workers) == 1
 
 
 def test_an_interrupted_study_is_continued_to_the_bit(folder, whole):
