@@ -16,6 +16,7 @@ import deli
 
 STEPS = 2_000
 KILLED, DONE = -signal.SIGKILL, 0
+HALFWAY = 1_800  # lines of the writer, of some 3,300
 SEED = 20120506
 
 
@@ -71,24 +72,24 @@ def test_a_run_is_killed_and_continued_again_and_again(nest, folder, whole, kill
 
 @pytest.mark.long
 @pytest.mark.parametrize("stride", [pytest.param(250, id="some"), pytest.param(1, id="every")])
-def test_a_run_is_killed_at_every_line_of_what_writes_it(nest, folder, whole, stride):
+@pytest.mark.parametrize("part", [0, 1], ids=["begun anew", "continued"])
+def test_a_run_is_killed_at_every_line_of_what_writes_it(nest, folder, whole, part, stride):
     """Commits, one of which needs longer chunks, the beginning, the end; and a run that is continued the same."""
-    full, partial = whole(700), Path("run.nc.partial")
-    settings, middle = {"block_rows": 200, "most_chunks": 1}, None
+    full, partial, content = whole(700), Path("run.nc.partial"), None
+    settings, seen = {"block_rows": 200, "most_chunks": 1}, set()
+    if part:
+        assert nest.call(*command(700), **settings, kill_at=HALFWAY).status == KILLED
+        content = partial.read_bytes()
+        assert 200 < require_right_rows(partial, full) < 700
     for number in itertools.count(1 + random.Random(SEED).randrange(stride), stride):
+        if content is not None:
+            partial.write_bytes(content)
         ended, rows = kill_and_continue(nest, full, number, settings)
-        if 200 < rows < 700:
-            middle = middle or rows
+        seen.add(rows)
         if ended:
             break
-    assert middle is not None
-    begun = nest.call(*command(700), **settings, kill_at=number // 2)
-    content = partial.read_bytes()
-    assert begun.status == KILLED
-    for number in itertools.count(1 + random.Random(SEED).randrange(stride), stride):
-        partial.write_bytes(content)
-        if kill_and_continue(nest, full, number, settings)[0]:
-            break
+    assert number > HALFWAY or part
+    assert len(seen) > 3
 
 
 def kill_and_continue(nest, full, number, settings):
