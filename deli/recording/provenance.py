@@ -139,8 +139,9 @@ def backend_version(name: str) -> str:
     return version(BUILTIN[name][1]) if name in BUILTIN else "(registered by the user)"
 
 
+@functools.cache
 def version(distribution: str) -> str:
-    """Version of an installed distribution."""
+    """Version of an installed distribution, which is that of what is loaded however long the process lives."""
     return importlib.metadata.version(distribution)
 
 
