@@ -92,8 +92,11 @@ def test_a_scene_survives_pickling():
     np.testing.assert_array_equal(copy.bilateral.jacobian(copy.position), scene.bilateral.jacobian(scene.position))
 
 
+NUMBERS = st.floats(-5, 5, width=32)  # times 1e-9 they are still normal in double precision
+
+
 @settings(max_examples=50, deadline=None)
-@given(momentum=hnp.arrays(np.float64, 4, elements=st.floats(-5, 5)), size=st.sampled_from([1e-9, 1.0, 1e9]))
+@given(momentum=hnp.arrays(np.float64, 4, elements=NUMBERS), size=st.sampled_from([1e-9, 1.0, 1e9]))
 def test_only_momentum_along_a_rod_is_refused(momentum, size):
     across = momentum.copy()
     across[[0, 2]] = momentum[[0, 2]].mean()
