@@ -80,9 +80,19 @@ def _offered() -> dict[str, EntryPoint]:
     return {point.name: point for point in entry_points(group=GROUP) if point.name not in BUILTIN}
 
 
+_found: set[str] = set()
+
+
+def _installed(package: str) -> bool:
+    """Whether a package is there; what was found once is not looked for again."""
+    if package not in _found and find_spec(package) is not None:
+        _found.add(package)
+    return package in _found
+
+
 def backends() -> list[BackendInfo]:
     """List all backends deli knows, installed or not, without importing any of them."""
-    known = [BackendInfo(name, find_spec(package) is not None, INSTALL) for name, (_, package) in BUILTIN.items()]
+    known = [BackendInfo(name, _installed(package), INSTALL) for name, (_, package) in BUILTIN.items()]
     others = [*_registered, *(name for name in _offered() if name not in _registered)]
     return known + [BackendInfo(name, True, "") for name in others]
 
@@ -120,7 +130,7 @@ def _require(name: str) -> None:
         allowed = [*CHAINS, *(info.name for info in backends()), f"{REFERENCE}SOLVER"]
         raise UnknownBackendError(f"unknown backend {name!r}; allowed: {', '.join(allowed)}")
     package = BUILTIN[name][1]
-    if find_spec(package) is None:
+    if not _installed(package):
         raise NotInstalledError(f"the backend {name!r} needs the package {package!r}: {INSTALL}")
 
 
