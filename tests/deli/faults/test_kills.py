@@ -89,6 +89,7 @@ def test_a_run_is_killed_at_every_line_of_what_writes_it(nest, folder, whole, pa
         if ended:
             break
     assert number > HALFWAY or part
+    assert any(200 < rows < 700 for rows in seen)
     assert len(seen) > 3
 
 
