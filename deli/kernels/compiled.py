@@ -12,7 +12,7 @@ from numba import cfunc, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
-from solvers.absorbed import PlainCompiler, absorbed
+from solvers.absorbed import PlainCompiler, absorbed, inlined
 
 _WORD = ir.IntType(64)
 _C = {types.float64: ctypes.c_double, types.boolean: ctypes.c_bool}  # records are passed by address
@@ -22,6 +22,7 @@ _MONOTONIC = 1  # the clock that does not jump
 
 
 kernel = absorbed
+inner_kernel = inlined
 
 
 class Unit(types.ExternalFunction):
