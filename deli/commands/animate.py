@@ -38,8 +38,9 @@ def animate(
 ) -> None:
     """Animate a recorded run: the bodies in their place, the time, and the energy error.
 
-    Frames are equidistant in simulated time. An MP4 needs ffmpeg (`pip install 'deli[movies]'`). Of a scene of your
-    own, which a file does not hold, bodies are points; `deli.plotting.save_animation(run, path, scene)` draws it.
+    Frames are equidistant in simulated time. An MP4 needs ffmpeg (`pip install '.[movies]'` in a checkout). Of a
+    scene of your own, which a file does not hold, bodies are points;
+    `deli.plotting.save_animation(run, path, scene)` draws it.
     Exit status: 0 done, 1 writing failed or was interrupted (there is no film then), 2 the input is at fault.
     """
     from deli.plotting import check_movie, save_animation

@@ -11,11 +11,10 @@ import numpy as np
 
 from deli.errors import InputError
 from deli.mechanics.arrays import Array
+from solvers.distribution import install_line
 
 ALLOWED_MISMATCH = 1e-6
 """Largest relative difference accepted between a supplied derivative and finite differences."""
-
-JAX_INSTALL = 'pip install "deli[jax]"'
 
 
 def central_differences(function: Callable[[Array], Any], q: Array, step: float) -> Array:
@@ -55,7 +54,7 @@ def check_derivative(name: str, supplied: Array, function: Callable[[Array], Any
         raise InputError(
             f"{name}: entry {worst[0] if len(worst) == 1 else worst} is {supplied[worst]:.8g}, finite differences at "
             f"the initial state give {expected[worst]:.8g}; correct the function, or leave the derivative out and "
-            f"let JAX make it ({JAX_INSTALL})"
+            f"let JAX make it ({install_line('jax')})"
         )
 
 
@@ -80,7 +79,7 @@ class JaxDerivative:
         if importlib.util.find_spec("jax") is None:
             raise InputError(
                 f"{name}: no {kind} was given and JAX, which would make it, is not installed; pass {kind}=..., or "
-                f"install it: {JAX_INSTALL}"
+                f"install it: {install_line('jax')}"
             )
         import jax
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tomli_w
 
-from deli import scenes
+from deli import __version__, scenes
 from deli.errors import InputError
 from deli.mechanics import symmetry
 from deli.mechanics.constraints import ConstraintFamily, SearchedFamily
@@ -93,7 +93,7 @@ def attributes(config: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
         "Conventions": CONVENTIONS,
         "title": title(config),
         "config": tomli_w.dumps(config),
-        "deli_version": version("deli"),
+        "deli_version": __version__,
         "cvxpy_version": version("cvxpy"),
         "numpy_version": version("numpy"),
         "python_version": platform.python_version(),

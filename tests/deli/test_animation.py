@@ -260,7 +260,7 @@ class TestFiles:
     def test_mp4_without_ffmpeg_says_what_to_install(self, cradle, tmp_path, monkeypatch):
         monkeypatch.setattr(matplotlib.animation.FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
         monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-        with pytest.raises(InputError, match=r"pip install 'deli\[movies\]'"):
+        with pytest.raises(InputError, match=r"pip install '\.\[movies\]'"):
             save_animation(cradle, tmp_path / "a.mp4")
         assert not os.listdir(tmp_path)
 

@@ -10,6 +10,7 @@ from known_projections import INFEASIBLE, SOLVABLE
 
 import solvers
 from solvers import Answer, Backend, Status, registry
+from solvers.distribution import install_line
 
 PROBLEM = next(problem for problem in SOLVABLE if problem.name == "mixed")
 
@@ -151,12 +152,12 @@ def test_unknown_backends_are_refused_with_the_known_ones():
 
 def test_a_missing_package_is_named_with_the_remedy(monkeypatch):
     monkeypatch.setitem(registry.BUILTIN, "qpalm", ("QPALM", "a_package_nobody_has"))
-    with pytest.raises(solvers.NotInstalledError, match=r"'a_package_nobody_has'.*pip install \"deli\[solvers\]\""):
+    with pytest.raises(solvers.NotInstalledError, match=r"'a_package_nobody_has'.*pip install '\.\[solvers\]'"):
         solvers.compile(PROBLEM.model(), "qpalm")
     assert "qpalm" not in solvers.available()
     (info,) = (info for info in solvers.backends() if info.name == "qpalm")
     assert not info.installed
-    assert info.install == 'pip install "deli[solvers]"'
+    assert info.install == install_line("solvers")
 
 
 def test_a_solver_cvxpy_lacks_is_not_installed():
