@@ -82,11 +82,20 @@ def ready() -> None:
             marker.touch()
 
 
+def sources() -> list[Path]:
+    """Return the files whose text decides what the units are compiled to."""
+    solvers = Path(solver.__file__).parent
+    return [
+        *sorted(Path(__file__).parent.glob("*.py")),
+        *sorted(solvers.glob("native*.py")),
+        solvers / "absorbed.py",
+        Path(tables.__file__),
+    ]
+
+
 def _marker(unit: Unit) -> Path:
     """The file that says that units of these sources are on disk."""
-    folders = [Path(__file__).parent, Path(solver.__file__).parent]
-    sources = [*sorted(folders[0].glob("*.py")), *sorted(folders[1].glob("native*.py")), Path(tables.__file__)]
-    digest = hashlib.sha256(b"".join(source.read_bytes() for source in sources))
+    digest = hashlib.sha256(b"".join(source.read_bytes() for source in sources()))
     digest.update(repr((sys.version, version("numba"), version("llvmlite"), llvm.get_host_cpu_name())).encode())
     return Path(FunctionCache(unit.function).cache_path) / f"deli-{digest.hexdigest()[:16]}"
 
