@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tomli_w
 
-from deli import __version__, scenes
+from deli import scenes
 from deli.errors import InputError
 from deli.mechanics import symmetry
 from deli.mechanics.constraints import ConstraintFamily, SearchedFamily
 from deli.mechanics.scene import Scene
 from deli.recording.schema import AXES, CONVENTIONS, TRAJECTORY, UNITS_NOTE
 from deli.subproblems.choices import parse_choices
+from deli.version import __version__
 from solvers.registry import BUILTIN, REFERENCE
 
 if TYPE_CHECKING:

@@ -16,6 +16,7 @@ from deli.recording.reading import read_subproblems
 from deli.replaying.contenders import STATUSES, Contender, Outcome, Reference
 from deli.running.progress import ProgressBar
 from deli.subproblems.choices import SUBPROBLEMS, SolverChoice, parse_choices
+from deli.version import __version__
 from solvers import Status
 
 LIBRARY = Path(__file__).with_name("library.nc")
@@ -169,7 +170,7 @@ def _attributes(
         "polish": int(polish),
         "repeat": repeat,
         "limit": float(limit),
-        "deli_version": provenance.version("deli"),
+        "deli_version": __version__,
         "backend_versions": provenance.backend_versions(single),
         "machine": provenance.machine(),
         "date": provenance.now(),
