@@ -17,7 +17,7 @@ author = "the developers of deli"
 version = release = deli.__version__
 root_doc = "docs/index"
 include_patterns = ["docs/**", "studies/**", "CHANGELOG.md", "CONTRIBUTING.md"]
-templates_path = ["templates"]
+templates_path = [str(DOCS / "templates")]
 exclude_patterns = ["docs/templates", ".*", "**/.ipynb_checkpoints", "site", "build", "dist", "**/site-packages"]
 
 extensions = [

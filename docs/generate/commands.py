@@ -23,7 +23,8 @@ def _parameters(command: Any, context: Any) -> str:
     rows = []
     for parameter in command.get_params(context):
         argument = parameter.param_type_name == "argument"
-        names = [parameter.metavar or parameter.name.upper()] if argument else [*parameter.opts, *parameter.secondary_opts]
+        options = [*parameter.opts, *parameter.secondary_opts]
+        names = [parameter.metavar or parameter.name.upper()] if argument else options
         default = parameter.default
         shown = "" if default in (None, False, ()) or callable(default) else code(default)
         rows.append((", ".join(code(name) for name in names), getattr(parameter, "help", "") or "", shown))
