@@ -182,19 +182,25 @@ class CompiledProblem:
             setup_time += handing
             solve_time += solving
             status, answer, polished = self._judge(answer)
-            if status is SOLVED:
+            if status is SOLVED or status in NO_POINT:
                 break
         if self._warm_start:
             self._last = (answer.x.copy(), answer.y.copy()) if status is SOLVED else None
         return self._report(answer, status, polished, member, start, setup_time, solve_time)
 
     def _judge(self, answer: Answer) -> tuple[Status, Answer, bool]:
-        """Decide on the residuals what the answer is worth, after polishing it if asked to."""
+        """Decide on proofs and residuals what the answer is worth, after polishing it if asked to."""
         claimed = answer.claimed
-        if claimed in NO_POINT:
-            self._residuals.forget()
-            return claimed, answer, False
         residuals = self._residuals
+        if claimed in NO_POINT:
+            from solvers.certificates import prove  # scipy.optimize takes long to import
+
+            proved = prove(self.program, residuals, self.tolerance)
+            if proved is not None:
+                residuals.forget()
+                return proved, answer, False
+            answer = answer._replace(message=f"claims {claimed}, not verified ({answer.message})")
+            claimed = Status.FAILED
         worst = residuals.compute(answer.x, answer.y)
         polished = False
         if self._polish is not None and residuals.natural > EXACT:  # which nan is not
@@ -224,7 +230,7 @@ class CompiledProblem:
         solve_time: float,
     ) -> Solution:
         x, y = answer.x, answer.y
-        if answer.claimed in NO_POINT:
+        if status in NO_POINT:
             x, y = np.full(self.program.variables, np.nan), np.full(self.program.rows, np.nan)
         primal = {}
         for name, place, shape in self._primal:
