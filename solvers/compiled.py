@@ -101,7 +101,7 @@ class CompiledProblem:
 
     __slots__ = (
         "_canonical", "_checks", "_dual", "_last", "_map", "_members", "_options", "_polish", "_primal", "_residuals",
-        "_solvers", "_warm_start", "backend", "parameters", "program", "tolerance",
+        "_sense", "_solvers", "_warm_start", "backend", "parameters", "program", "tolerance",
     )  # fmt: skip
 
     def __init__(
@@ -120,6 +120,7 @@ class CompiledProblem:
         self.tolerance = tolerance
         self._map = canonical.map
         self._primal, self._dual = canonical.primal, canonical.dual
+        self._sense = -1.0 if canonical.problem.objective.NAME == "maximize" else 1.0  # the program minimizes
         self._checks = checks(canonical.problem.parameters(), self.parameters) if check_parameters else ()
         self._residuals = Residuals(self.program)
         self._canonical = canonical
@@ -244,6 +245,7 @@ class CompiledProblem:
         return Solution(
             primal,
             dual,
+            self._sense * (residuals.objective + self._map.constant[0]),
             status,
             answer.claimed,
             self._members[member],

@@ -29,6 +29,10 @@ class Solution:
     dual : list of ndarray
         Multipliers in the order of ``problem.constraints``, each in its constraint's shape and with cvxpy's
         sign: nonnegative for inequalities; for an equality ``F v == d`` the Lagrangian has ``+ y.(F v - d)``.
+    objective : float
+        Value of the problem's objective at the answer, with its constant, and with its own sign if it is maximized;
+        nan where there is no answer. Parts such as ``abs`` and ``max``, for which the standard form has auxiliary
+        variables, count by these variables, which are as accurate as the residuals say.
     status : Status
         The verdict on the residuals below: ``SOLVED`` if they are all within the tolerance. ``INFEASIBLE`` and
         ``UNBOUNDED`` are proved (`solvers.certificates.prove`), whichever of the two was claimed. Without a proof such
@@ -53,6 +57,7 @@ class Solution:
 
     primal: dict[str, np.ndarray]
     dual: list[np.ndarray]
+    objective: float
     status: Status
     claimed: Status
     backend: str
