@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from threading import Lock
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -87,6 +88,10 @@ def compile(
 class CompiledProblem:
     """What `solvers.compile` returns.
 
+    Several threads may call `solve` of one compiled problem: calls take turns, each with its own values and its own
+    answer. With a warm start each begins at the answer of the call before, whichever thread made it. Values that are
+    written into `parameters` belong to all threads. Compile once for each thread to solve at the same time.
+
     Attributes
     ----------
     parameters : dict of str to ndarray
@@ -100,8 +105,8 @@ class CompiledProblem:
     """
 
     __slots__ = (
-        "_canonical", "_checks", "_dual", "_last", "_map", "_members", "_options", "_polish", "_primal", "_residuals",
-        "_sense", "_solvers", "_warm_start", "backend", "parameters", "program", "tolerance",
+        "_canonical", "_checks", "_dual", "_last", "_lock", "_map", "_members", "_options", "_polish", "_primal",
+        "_residuals", "_sense", "_solvers", "_warm_start", "backend", "parameters", "program", "tolerance",
     )  # fmt: skip
 
     def __init__(
@@ -121,7 +126,7 @@ class CompiledProblem:
         self._map = canonical.map
         self._primal, self._dual = canonical.primal, canonical.dual
         self._sense = -1.0 if canonical.problem.objective.NAME == "maximize" else 1.0  # the program minimizes
-        self._checks = checks(canonical.problem.parameters(), self.parameters) if check_parameters else ()
+        self._checks = checks(canonical.problem.parameters(), canonical.views) if check_parameters else ()
         self._residuals = Residuals(self.program)
         self._canonical = canonical
         self._members = tuple(options)
@@ -132,6 +137,7 @@ class CompiledProblem:
         self._warm_start = warm_start
         self._last: tuple[np.ndarray, np.ndarray] | None = None
         self._solvers: list[Backend] = []
+        self._lock = Lock()
         self._attach(0)
 
     def solve(self, **parameters: Any) -> Solution:
@@ -146,7 +152,8 @@ class CompiledProblem:
         Returns
         -------
         Solution
-            A function of the parameter values alone, bit for bit, unless compiled with ``warm_start=True``.
+            A function of the parameter values alone, bit for bit, unless compiled with ``warm_start=True``. A call from
+            another thread waits until this one has its answer.
 
         Raises
         ------
@@ -155,8 +162,12 @@ class CompiledProblem:
         BackendError
             If the backend, or the last member of a chain, raises something.
         """
+        with self._lock:  # numbers, solvers and residuals are shared by all calls
+            return self._solve(parameters)
+
+    def _solve(self, parameters: Mapping[str, Any]) -> Solution:
         start = perf_counter()
-        views = self.parameters
+        views = self._canonical.views
         for name, value in parameters.items():
             view = views.get(name)
             if view is None:
