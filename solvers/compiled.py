@@ -17,10 +17,12 @@ from solvers.errors import BackendError, ParameterError, SolverError
 from solvers.residuals import EXACT, Residuals
 from solvers.solution import Solution, Status
 from solvers.threads import CVXPY
+from solvers.views import Views
 
 # Looking a member up on its class takes far longer than a name, and a solve does it several times.
 SOLVED, INACCURATE = Status.SOLVED, Status.INACCURATE
 NO_POINT = (Status.INFEASIBLE, Status.UNBOUNDED)
+FIXED = ("backend", "parameters", "program", "tolerance")
 
 if TYPE_CHECKING:
     import cvxpy
@@ -92,14 +94,18 @@ class CompiledProblem:
     answer. With a warm start each begins at the answer of the call before, whichever thread made it. Values that are
     written into `parameters` belong to all threads. Compile once for each thread to solve at the same time.
 
+    Attributes cannot be assigned to: what they say is fixed when the problem is compiled.
+
     Attributes
     ----------
-    parameters : dict of str to ndarray
+    parameters : mapping of str to ndarray
         Writable views of the parameter values, in each Parameter's shape. Of a symmetric Parameter the upper
         triangle is used, of a diagonal one the diagonal. The view of a sparse one is a vector of the entries that it
-        declares, row by row.
+        declares, row by row. Names cannot be assigned to: ``parameters["b"][...] = value`` writes into a view.
     backend : str
         The name asked for.
+    program : QuadraticProgram
+        The standard form, with the numbers of the last solve; for reading only.
     tolerance : float
         Bound on the residuals of an answer called solved.
     """
@@ -119,7 +125,7 @@ class CompiledProblem:
         warm_start: bool,
         options: Mapping[str, Mapping[str, Any]],
     ) -> None:
-        self.parameters = canonical.views
+        self.parameters = Views(canonical.views)
         self.program = canonical.map.program
         self.backend = backend
         self.tolerance = tolerance
@@ -139,6 +145,11 @@ class CompiledProblem:
         self._solvers: list[Backend] = []
         self._lock = Lock()
         self._attach(0)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in FIXED and hasattr(self, name):
+            raise AttributeError(f"{name} of a compiled problem is fixed: compile another one with solvers.compile")
+        object.__setattr__(self, name, value)
 
     def solve(self, **parameters: Any) -> Solution:
         """Solve for new parameter values.
