@@ -54,10 +54,11 @@ class _Block:
 class AffineMap:
     """The map from theta (whose last entry is one) to a quadratic program, and the storage of that program.
 
-    In the image whatever depends on the parameters comes first; the rest is computed once.
+    In the image whatever depends on the parameters comes first; the rest is computed once. The objective's constant is
+    an array of one number, `constant`.
     """
 
-    __slots__ = ("_data", "_indices", "_indptr", "_lent", "_numbers", "_varying", "program", "theta")
+    __slots__ = ("_data", "_indices", "_indptr", "_lent", "_numbers", "_varying", "constant", "program", "theta")
 
     def __init__(self, theta: np.ndarray, tensors: Tensors) -> None:
         n, rows, equalities = tensors.variables, tensors.rows, tensors.equalities
@@ -74,6 +75,7 @@ class AffineMap:
         p_target, p_length, p_pattern = _storage(p.row % n, p.row // n, (n, n), dense)
         blocks = {
             "q": _Block(q.row[in_q], q.col[in_q], q.data[in_q], n),
+            "constant": _Block(q.row[~in_q] - n, q.col[~in_q], q.data[~in_q], 1),
             "u": _Block(b_row, a.col[~in_a], -sign[b_row] * a.data[~in_a], rows),
             "A": _Block(a_target, a.col[in_a], sign[a_row] * a.data[in_a], a_length),
             "P": _Block(p_target, p.col, p.data, p_length),
@@ -103,6 +105,7 @@ class AffineMap:
             lower=np.full(rows, -np.inf),
             upper=part["u"],
         )
+        self.constant = part["constant"]
         matrices = () if dense else (self.program.quadratic, self.program.matrix)
         patterns = (array for matrix in matrices for array in (matrix.indptr, matrix.indices))
         self._lent = (self._numbers, self.program.lower, *patterns)

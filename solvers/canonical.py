@@ -166,7 +166,7 @@ def check_against_cvxpy(
         view[...] = value + value.T if any(parameter.attributes[name] for name in SYMMETRIC) else value
         values[identifier] = lowered_view(parameter, view)
     affine.apply()
-    P, q, _, A, b = parametrized.apply_parameters(values, quad_obj=True)
+    P, q, constant, A, b = parametrized.apply_parameters(values, quad_obj=True)
     program = affine.program
     sign = np.where(np.arange(program.rows) < program.equalities, 1.0, -1.0)
     P, A = sparse.csc_array(P), sparse.csc_array(A)
@@ -175,6 +175,7 @@ def check_against_cvxpy(
         ("P", program.quadratic.to_sparse(), P),
         ("transpose of P", program.quadratic.to_sparse().T, P),
         ("q", program.linear, q),
+        ("the objective's constant", affine.constant, np.atleast_1d(constant)),
         ("A", program.matrix.to_sparse(), A),
         ("u", program.upper, -sign * b if program.rows else np.zeros(0)),
     ):

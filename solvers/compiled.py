@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from threading import Lock
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -16,10 +17,12 @@ from solvers.errors import BackendError, ParameterError, SolverError
 from solvers.residuals import EXACT, Residuals
 from solvers.solution import Solution, Status
 from solvers.threads import CVXPY
+from solvers.views import Views
 
 # Looking a member up on its class takes far longer than a name, and a solve does it several times.
 SOLVED, INACCURATE = Status.SOLVED, Status.INACCURATE
 NO_POINT = (Status.INFEASIBLE, Status.UNBOUNDED)
+FIXED = ("backend", "parameters", "program", "tolerance")
 
 if TYPE_CHECKING:
     import cvxpy
@@ -87,21 +90,29 @@ def compile(
 class CompiledProblem:
     """What `solvers.compile` returns.
 
+    Several threads may call `solve` of one compiled problem: calls take turns, each with its own values and its own
+    answer. With a warm start each begins at the answer of the call before, whichever thread made it. Values that are
+    written into `parameters` belong to all threads. Compile once for each thread to solve at the same time.
+
+    Attributes cannot be assigned to: what they say is fixed when the problem is compiled.
+
     Attributes
     ----------
-    parameters : dict of str to ndarray
+    parameters : mapping of str to ndarray
         Writable views of the parameter values, in each Parameter's shape. Of a symmetric Parameter the upper
         triangle is used, of a diagonal one the diagonal. The view of a sparse one is a vector of the entries that it
-        declares, row by row.
+        declares, row by row. Names cannot be assigned to: ``parameters["b"][...] = value`` writes into a view.
     backend : str
         The name asked for.
+    program : QuadraticProgram
+        The standard form, with the numbers of the last solve; for reading only.
     tolerance : float
         Bound on the residuals of an answer called solved.
     """
 
     __slots__ = (
-        "_canonical", "_checks", "_dual", "_last", "_map", "_members", "_options", "_polish", "_primal", "_residuals",
-        "_solvers", "_warm_start", "backend", "parameters", "program", "tolerance",
+        "_canonical", "_checks", "_dual", "_last", "_lock", "_map", "_members", "_options", "_polish", "_primal",
+        "_residuals", "_sense", "_solvers", "_warm_start", "backend", "parameters", "program", "tolerance",
     )  # fmt: skip
 
     def __init__(
@@ -114,13 +125,14 @@ class CompiledProblem:
         warm_start: bool,
         options: Mapping[str, Mapping[str, Any]],
     ) -> None:
-        self.parameters = canonical.views
+        self.parameters = Views(canonical.views)
         self.program = canonical.map.program
         self.backend = backend
         self.tolerance = tolerance
         self._map = canonical.map
         self._primal, self._dual = canonical.primal, canonical.dual
-        self._checks = checks(canonical.problem.parameters(), self.parameters) if check_parameters else ()
+        self._sense = -1.0 if canonical.problem.objective.NAME == "maximize" else 1.0  # the program minimizes
+        self._checks = checks(canonical.problem.parameters(), canonical.views) if check_parameters else ()
         self._residuals = Residuals(self.program)
         self._canonical = canonical
         self._members = tuple(options)
@@ -131,7 +143,13 @@ class CompiledProblem:
         self._warm_start = warm_start
         self._last: tuple[np.ndarray, np.ndarray] | None = None
         self._solvers: list[Backend] = []
+        self._lock = Lock()
         self._attach(0)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in FIXED and hasattr(self, name):
+            raise AttributeError(f"{name} of a compiled problem is fixed: compile another one with solvers.compile")
+        object.__setattr__(self, name, value)
 
     def solve(self, **parameters: Any) -> Solution:
         """Solve for new parameter values.
@@ -145,7 +163,8 @@ class CompiledProblem:
         Returns
         -------
         Solution
-            A function of the parameter values alone, bit for bit, unless compiled with ``warm_start=True``.
+            A function of the parameter values alone, bit for bit, unless compiled with ``warm_start=True``. A call from
+            another thread waits until this one has its answer.
 
         Raises
         ------
@@ -154,8 +173,12 @@ class CompiledProblem:
         BackendError
             If the backend, or the last member of a chain, raises something.
         """
+        with self._lock:  # numbers, solvers and residuals are shared by all calls
+            return self._solve(parameters)
+
+    def _solve(self, parameters: Mapping[str, Any]) -> Solution:
         start = perf_counter()
-        views = self.parameters
+        views = self._canonical.views
         for name, value in parameters.items():
             view = views.get(name)
             if view is None:
@@ -182,19 +205,25 @@ class CompiledProblem:
             setup_time += handing
             solve_time += solving
             status, answer, polished = self._judge(answer)
-            if status is SOLVED:
+            if status is SOLVED or status in NO_POINT:
                 break
         if self._warm_start:
             self._last = (answer.x.copy(), answer.y.copy()) if status is SOLVED else None
         return self._report(answer, status, polished, member, start, setup_time, solve_time)
 
     def _judge(self, answer: Answer) -> tuple[Status, Answer, bool]:
-        """Decide on the residuals what the answer is worth, after polishing it if asked to."""
+        """Decide on proofs and residuals what the answer is worth, after polishing it if asked to."""
         claimed = answer.claimed
-        if claimed in NO_POINT:
-            self._residuals.forget()
-            return claimed, answer, False
         residuals = self._residuals
+        if claimed in NO_POINT:
+            from solvers.certificates import prove  # scipy.optimize takes long to import
+
+            proved = prove(self.program, residuals, self.tolerance)
+            if proved is not None:
+                residuals.forget()
+                return proved, answer, False
+            answer = answer._replace(message=f"claims {claimed}, not verified ({answer.message})")
+            claimed = Status.FAILED
         worst = residuals.compute(answer.x, answer.y)
         polished = False
         if self._polish is not None and residuals.natural > EXACT:  # which nan is not
@@ -224,7 +253,7 @@ class CompiledProblem:
         solve_time: float,
     ) -> Solution:
         x, y = answer.x, answer.y
-        if answer.claimed in NO_POINT:
+        if status in NO_POINT:
             x, y = np.full(self.program.variables, np.nan), np.full(self.program.rows, np.nan)
         primal = {}
         for name, place, shape in self._primal:
@@ -238,6 +267,7 @@ class CompiledProblem:
         return Solution(
             primal,
             dual,
+            self._sense * (residuals.objective + self._map.constant[0]),
             status,
             answer.claimed,
             self._members[member],

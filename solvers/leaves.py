@@ -6,6 +6,7 @@ from contextlib import contextmanager
 import cvxpy as cp
 import numpy as np
 from cvxpy.error import SolverError as CvxpySolverError
+from cvxpy.problems.problem import SolverStats
 from cvxpy.reductions.cvx_attr2constr import lower_value
 from cvxpy.reductions.solution import Solution as CvxpySolution
 from scipy import sparse
@@ -50,7 +51,7 @@ def view_shape(parameter: cp.Parameter) -> tuple[int, ...]:
 
 
 def write_back(problem: cp.Problem, solution: Solution) -> None:
-    """Write a solution into a problem's Variables, multipliers, status and value, as ``problem.solve`` does."""
+    """Write a solution into a problem's Variables, multipliers, status, value and stats, as ``problem.solve`` does."""
     sense = -1.0 if isinstance(problem.objective, cp.Maximize) else 1.0
     status, value = {
         Status.SOLVED: (cp.OPTIMAL, 0.0),
@@ -64,7 +65,10 @@ def write_back(problem: cp.Problem, solution: Solution) -> None:
     primal = {variable.id: solution.primal[variable.name()] for variable in problem.variables()}
     found = zip(problem.constraints, solution.dual, strict=True)
     dual = {constraint.id: multiplier for constraint, multiplier in found} if not np.isinf(value) else {}
-    problem.unpack(CvxpySolution(status, value, primal, dual, {}))
+    times = {cp.settings.SOLVE_TIME: solution.solve_time, cp.settings.SETUP_TIME: solution.setup_time}
+    stats = {**times, cp.settings.NUM_ITERS: solution.iterations, cp.settings.EXTRA_STATS: solution}
+    problem.unpack(CvxpySolution(status, value, primal, dual, stats))
+    problem._solver_stats = SolverStats.from_dict(stats, solution.backend)
 
 
 def lowered_view(parameter: cp.Parameter, view: np.ndarray) -> np.ndarray:
