@@ -38,8 +38,25 @@ def absorbed(function: Callable[..., Any]) -> Any:
     nobody runs, and adds wrappers for calls from Python: left out here, where they took half of the time.
     Such a function cannot be called from Python, where it would crash.
     """
+    return _absorb(function, False)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """Compile a function as `absorbed` does, and put its code in the place of every call.
+
+    Of what is called in more than one place the optimizer keeps one copy, and an array is handed to that as seven
+    numbers. Short functions in inner loops cost less than such a call.
+    """
+    return _absorb(function, True)
+
+
+def _absorb(function: Callable[..., Any], everywhere: bool) -> Any:
     dispatcher = njit(
-        error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=_AbsorbedCompiler
+        error_model="numpy",
+        no_cpython_wrapper=True,
+        no_cfunc_wrapper=True,
+        forceinline=everywhere,
+        pipeline_class=_AbsorbedCompiler,
     )(function)
     resolve = dispatcher.get_call_template
 

@@ -79,11 +79,26 @@ def residuals(
     z: np.ndarray,
     y: np.ndarray,
 ) -> tuple[float, float, float]:
+    """Call `residuals_within` from Python."""
+    return residuals_within(start, column, value, bounds, equalities, wish, z, y, np.empty(wish.size))
+
+
+@absorbed
+def residuals_within(
+    start: np.ndarray,
+    column: np.ndarray,
+    value: np.ndarray,
+    bounds: np.ndarray,
+    equalities: int,
+    wish: np.ndarray,
+    z: np.ndarray,
+    y: np.ndarray,
+    pull: np.ndarray,
+) -> tuple[float, float, float]:
     """Primal, dual and complementarity residual of `solvers.residuals.Residuals`, nan if anything is not finite.
 
-    There the program is P = I, q = -wish, A = -R, u = -bounds.
+    There the program is P = I, q = -wish, A = -R, u = -bounds. `pull` is scratch, of shape (n,).
     """
-    pull = np.empty(wish.size)
     for j in range(wish.size):
         pull[j] = 0.0
     violated = reach = negative = product = 0.0

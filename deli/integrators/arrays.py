@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from deli.kernels.machine import Mail
+from deli.kernels.native import LARGEST
 from deli.kernels.program import Program
 from deli.kernels.system import System
 from deli.kernels.work import Islands, Work
@@ -60,7 +61,10 @@ def work_arrays(
     }
     shapes |= _each(("metric", "factor"), metric, metric)
     shapes |= {"white_start": (every + 1,)} | _each(("white_column", "white_value"), every * metric)
-    kinds = dict.fromkeys(("start", "column", "white_start", "white_column"), np.int64)
+    independent = min(every, dof, LARGEST)
+    shapes |= _each(("begins", "right"), independent) | {"gram": (independent * (independent + 1) // 2,)}
+    shapes |= {"factored": (1,), "pull": (dof,)}
+    kinds = dict.fromkeys(("start", "column", "white_start", "white_column", "begins", "factored"), np.int64)
     program = Program(**_arrays(shapes, kinds, known and known[2]))
 
     shapes = _each(("body_start", "row_start", "held_start", "joint_start"), bodies + 2)

@@ -8,7 +8,9 @@ from numba import types
 from deli.kernels.compiled import kernel, unit
 from deli.kernels.dense import backward, forward
 from deli.kernels.program import PROGRAM, Program
-from solvers.native import project_within, residuals
+from solvers.native import project_within
+from solvers.native_equations import factorize, project_onto_row, project_onto_within
+from solvers.native_rows import residuals_within
 
 LARGEST = 150  # rows that press at once, beyond which a sparse solver is faster
 
@@ -50,26 +52,63 @@ def _unwhiten(factor: np.ndarray, size: int, wish: np.ndarray) -> None:
         wish[i] = total
 
 
-@unit(types.int64, PROGRAM, types.int64, types.int64, types.int64, types.float64, types.boolean)
-def project_program(program: Program, size: int, equalities: int, rows: int, tolerance: float, newton: bool) -> int:
+@kernel
+def _project_onto(
+    program: Program,
+    start: np.ndarray,
+    column: np.ndarray,
+    value: np.ndarray,
+    size: int,
+    equalities: int,
+    rows: int,
+    newton: bool,
+) -> float:
+    """Solve the program at hand as equations; return the residual, nan where that is not its answer.
+
+    Rows that stay the same, as in the iterations of a position update, are factorized once.
+    """
+    bounds, wish = program.bounds[:rows], program.wish[:size]
+    if rows == 1:
+        return project_onto_row(start, column, value, bounds, equalities, wish, program.z, program.y)
+    if rows > program.begins.size:
+        return math.nan
+    if newton or program.factored[0] != rows:
+        if not factorize(start, column, value, rows, program.pull[:size], program.begins, program.gram):
+            return math.nan
+        program.factored[0] = 0 if newton else rows
+    return project_onto_within(
+        start, column, value, bounds, equalities, wish,
+        program.begins, program.gram, program.right, program.pull, program.z, program.y,
+    )  # fmt: skip
+
+
+@unit(types.int64, PROGRAM, *(types.int64,) * 3, types.float64, types.boolean, types.boolean)
+def project_program(
+    program: Program, size: int, equalities: int, rows: int, tolerance: float, newton: bool, linear: bool
+) -> int:
     """Solve the program at hand; return whether its residuals are within `tolerance`.
 
     ``program.report`` gets the iterations and the primal, dual and complementarity residual. In coordinates Lᵀz, with
-    A = L Lᵀ, the metric is the identity.
+    A = L Lᵀ, the metric is the identity. `linear` says that all rows are likely to hold as equations; that is tried
+    first.
     """
     wish, bounds, z, y = program.wish, program.bounds, program.z, program.y
     start, column, value = program.start, program.column, program.value
     if newton:
         _whiten(program, size, rows)
         start, column, value = program.white_start, program.white_column, program.white_value
-    most = 100 + 20 * (rows + size)
-    status, iterations = project_within(
-        start, column, value, bounds[:rows], equalities, wish[:size], tolerance, LARGEST, most, z[:size], y[:rows]
-    )
-    found = residuals(start, column, value, bounds[:rows], equalities, wish[:size], z[:size], y[:rows])
-    good = status == 0 and max(found[0], found[1], found[2]) <= tolerance
-    program.report[0] = iterations
-    program.report[1], program.report[2], program.report[3] = found[0], found[1], found[2]
+    good = linear and _project_onto(program, start, column, value, size, equalities, rows, newton) <= tolerance
+    if not good:
+        most = 100 + 20 * (rows + size)
+        status, iterations = project_within(
+            start, column, value, bounds[:rows], equalities, wish[:size], tolerance, LARGEST, most, z[:size], y[:rows]
+        )
+        found = residuals_within(
+            start, column, value, bounds[:rows], equalities, wish[:size], z[:size], y[:rows], program.pull
+        )
+        good = status == 0 and max(found[0], found[1], found[2]) <= tolerance
+        program.report[0] = iterations
+        program.report[1], program.report[2], program.report[3] = found[0], found[1], found[2]
     if newton:
         backward(program.factor, size, z)
         for row in range(rows):

@@ -23,6 +23,12 @@ class Program(NamedTuple):
         A where it is not the identity, and its Cholesky factor; empty where the scene needs none.
     white_start, white_column, white_value : arrays
         R in coordinates in which A is the identity; empty likewise.
+    gram, begins : (k (k + 1) / 2,), (k,) arrays
+        Cholesky factor of R Rᵀ of up to k rows, as `solvers.native_equations.factorize` writes it.
+    factored : (1,) int64 array
+        How many rows that factor is of; 0 where rows have been written since.
+    right, pull : (k,), (dof,) arrays
+        Scratch.
     report : (4,) array
         What the last native solve took: iterations, primal, dual and complementarity residual.
     """
@@ -40,6 +46,11 @@ class Program(NamedTuple):
     white_start: Numbers
     white_column: Numbers
     white_value: Vector
+    gram: Vector
+    begins: Numbers
+    factored: Numbers
+    right: Vector
+    pull: Vector
     report: Vector
 
 

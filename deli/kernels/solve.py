@@ -32,6 +32,7 @@ def append(
     """Append a row of unit length as number `count`; `place` maps bodies to those of the island."""
     at = program.start[count]
     begin = at
+    program.factored[0] = 0
     square = 0.0
     if rows.kind[row] == OTHER:
         gradient = rows.first[row]
@@ -96,7 +97,6 @@ def _solve_native(
     """Solve the program at hand by compiled code; say whether the answer is good."""
     method, program, hooks, tally = machine.method, machine.program, machine.hooks, machine.tally
     wish, z, y = program.wish, program.z, program.y
-    began = seconds(hooks.clock, machine.work.ticks)
     if not newton and equalities == rows and _satisfied(program, rows):
         for k in range(size):
             z[k] = wish[k]
@@ -105,9 +105,13 @@ def _solve_native(
         return True
     if not newton and rows > LARGEST and _pressing(program, equalities, rows) > LARGEST:
         return False
-    good = project_program(program, size, equalities, rows, method.tolerance[subproblem], newton) == 1
+    tolerance = method.tolerance[subproblem]
+    if linear:
+        return project_program(program, size, equalities, rows, tolerance, newton, True) == 1
+    began = seconds(hooks.clock, machine.work.ticks)
+    good = project_program(program, size, equalities, rows, tolerance, newton, False) == 1
     solved = seconds(hooks.clock, machine.work.ticks)
-    if good and not linear:
+    if good:
         tally.counts[0, subproblem] += 1
         tally.contacts[2] += 1
         tally.counts[2, subproblem] += int(program.report[0])

@@ -148,6 +148,11 @@ def _program(posed: PosedSubproblem) -> Program:
         white_start=np.zeros(0, dtype=np.int64),
         white_column=np.zeros(0, dtype=np.int64),
         white_value=np.zeros(0),
+        gram=np.zeros(0),
+        begins=np.zeros(0, dtype=np.int64),
+        factored=np.zeros(1, dtype=np.int64),
+        right=np.zeros(rows),
+        pull=np.zeros(posed.variables),
         report=np.zeros(4),
     )
 

@@ -33,9 +33,9 @@ def projection(seed: int, repeated: int = 0) -> tuple[Program, int]:
         column[begin:end], value[begin:end] = column[shuffled], value[shuffled]
     given = {"start": rows.indptr.astype(np.int64), "column": column, "value": value, "bounds": bounds}
     given |= {"wish": random.normal(size=SIZE), "z": np.zeros(SIZE), "y": np.zeros(len(matrix))}
-    unused = dict.fromkeys(("lengths", "white_value", "report"), np.zeros(0))
+    unused = dict.fromkeys(("lengths", "white_value", "gram", "right", "pull", "report"), np.zeros(0))
     unused |= dict.fromkeys(("metric", "factor"), np.zeros((0, 0)))
-    unused |= dict.fromkeys(("white_start", "white_column"), np.zeros(0, dtype=np.int64))
+    unused |= dict.fromkeys(("white_start", "white_column", "begins", "factored"), np.zeros(0, dtype=np.int64))
     return Program(**given, **unused), 40 + repeated
 
 
