@@ -79,7 +79,7 @@ def make_block(rows: int, dof: int, dimension: int, memory: int = 0) -> Record:
 
 @kernel
 def diagnose(machine: Machine, out: np.ndarray) -> int:
-    """Energies, least gap, equality residual, linear and angular work.p of one state, see `Block`."""
+    """Energies, least gap, equality residual, linear and angular momentum of one state, see `Block`."""
     system, work, mail = machine.system, machine.work, machine.mail
     dimension = system.dimension
     kinetic = 0.0

@@ -45,7 +45,7 @@ def _locate(machine: Machine, row: int, span: float, h: float) -> tuple[int, flo
     One that touches at the start has left it: it is met again after the longest part, halving, in which it is open.
     """
     work = machine.work
-    work.meeting[0] = row
+    work.meeting[0], work.meeting[2] = row, DONE
     low, high = 0.0, span
     if work.gaps[row] <= VIOLATED * machine.system.gap_scale[row]:
         low = 0.5 * span
@@ -81,6 +81,7 @@ def _find_event(machine: Machine, row: int, rest: float, h: float) -> tuple[int,
 def _balance(machine: Machine) -> int:
     """Scale the impulse so that the discrete energy is conserved: by the root nearest 1."""
     work = machine.work
+    work.meeting[2] = DONE
     excess = energy_after(1.0, machine)
     other, low, high, reach = excess, 1.0, 1.0, _NEAR
     while work.meeting[2] == DONE and (other > 0.0) == (excess > 0.0):

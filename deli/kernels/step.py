@@ -194,8 +194,9 @@ def step(machine: Machine, known: int, _one: int, _two: int) -> int:
                 return code
             gradients_known = True
         code, smooth = _attempt(machine, active)
-        trapped = method.closed_loop and code in (NO_DIRECTION, TOO_MANY_PASSES)
-        if trapped:
+        trapped = False
+        if method.closed_loop and code in (NO_DIRECTION, TOO_MANY_PASSES):
+            trapped = True
             trap(machine, int(work.report[4]))
         elif code != DONE:
             return code
