@@ -8,16 +8,21 @@ import logging
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import tomli_w
 
 from deli.errors import InputError
 from deli.mechanics.content import differences, sampled, scene_content, scene_digest
 from deli.mechanics.scene import Scene
+from deli.recording.schema import TRAJECTORY
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SCENE, DIGEST = "scene", "scene_digest"
 MOST_NAMED = 5
+DIGITS = 12
 
 logger = logging.getLogger("deli")
 
@@ -39,6 +44,36 @@ def differing(attributes: Mapping[Any, Any], scene: Scene) -> list[str] | None:
         return differences(tomllib.loads(attributes[SCENE]), scene_content(scene))
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
         return None
+
+
+def require_scene_of(run: "xr.DataTree", scene: Scene) -> None:
+    """Refuse a scene that is not the run's: one of another size or of another digest.
+
+    Of a run without a digest, such as a member of an ensemble, only the size is known.
+
+    Raises
+    ------
+    InputError
+        Naming both scenes, and where they differ.
+    """
+    described, sizes = tomllib.loads(run.attrs["config"])["scene"], run.children[TRAJECTORY].sizes
+    digest, recorded = scene_digest(scene), run.attrs.get(DIGEST)
+    found = _size(scene.bodies, scene.dimension)
+    due = _size(sizes["dof"] // sizes["axis"], sizes["axis"])
+    if found == due:
+        if recorded in (None, digest):
+            return
+        found, due = f"digest {digest[:DIGITS]}", f"digest {recorded[:DIGITS]}"
+    differences = "; ".join((differing(run.attrs, scene) or [])[:MOST_NAMED])
+    where = f" Compared with the run: {differences}." if differences else ""
+    raise InputError(
+        f"scene: found {scene.name!r} ({found}); the run is of {described.get('label', described['name'])!r} ({due})."
+        f"{where} Pass the scene that was run."
+    )
+
+
+def _size(bodies: int, dimension: int) -> str:
+    return f"{bodies} {'body' if bodies == 1 else 'bodies'} in {dimension} dimension{'s' * (dimension > 1)}"
 
 
 def require_same_scene(attributes: Mapping[Any, Any], scene: Scene, path: Path) -> None:
