@@ -87,7 +87,7 @@ def draw_gaps(axes: Axes, run: xr.DataTree) -> None:
     axes.axhline(0.0, color="0.6", linewidth=0.7)
     draw_line(axes, time, gap, color(0))
     worst = int(gap.argmin())
-    axes.set_title(f"smallest gap (worst {gap[worst]:+.1e} at time {time[worst]:.6g})")
+    axes.set_title(f"smallest gap ({_deepest(gap[worst], time[worst])})")
     axes.set_ylabel(f"min g\n{unit(trajectory['gap_min'].attrs['units']).strip()}")
     if gap[worst] < 0.0:
         axes.plot(time[worst], gap[worst], color=color(1), marker="o", markersize=4, linestyle="none", clip_on=False)
@@ -118,6 +118,10 @@ def _draw_tolerances(axes: Axes, run: xr.DataTree) -> None:
         axes.annotate("tolerance", place, xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=7)
     low, high = axes.get_ylim()
     axes.set_ylim(low / 3.0, high * 10.0)
+
+
+def _deepest(gap: float, time: float) -> str:
+    return f"worst {gap:.1e} at time {time:.6g}" if gap < 0.0 else f"nothing penetrates, least {gap:.1e}"
 
 
 def _symbol(name: str) -> str:

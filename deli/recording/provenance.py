@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 CUSTOM = "custom"
 NONE_USED = "none used"
+ONLY_WITH: dict[tuple[str, str], tuple[str, str]] = {("gvi", "order"): ("reflection", "sequential")}
+"""Settings of methods that mean nothing but with another setting."""
 SOFTWARE = ("deli_version", "cvxpy_version", "numpy_version", "python_version", "machine")
 BETWEEN_SESSIONS = "; "
 
@@ -112,12 +114,17 @@ def attributes(config: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
 
 
 def title(config: Mapping[str, Any]) -> str:
-    """One line that says what is run."""
-    name, *settings = config["method"].items()
-    said = [value if isinstance(value, str) else f"{key} = {value}" for key, value in settings if value is not False]
+    """One line that says what is run; settings that mean nothing are left out."""
+    method = dict(config["method"])
+    name = method.pop("name")
+    said = [
+        value if isinstance(value, str) else f"{key} = {value}"
+        for key, value in method.items()
+        if value is not False and ((name, key) not in ONLY_WITH or ONLY_WITH[name, key] in method.items())
+    ]
     words = ", ".join(said)
     label = config["scene"].get("label", config["scene"]["name"])
-    return f"{label} with {name[1]}({words}), h = {config['step_size']!r}, {config['steps']} steps"
+    return f"{label} with {name}({words}), h = {config['step_size']!r}, {config['steps']} steps"
 
 
 def conserved_momenta(scene: Scene) -> dict[str, str]:

@@ -197,3 +197,14 @@ def test_the_largest_numbers_are_drawn(tmp_path):
     run["solver_stats"]["primal_residual"].values[3] = 1e307
     deli.plotting.save(run, tmp_path / "run.png")
     assert (tmp_path / "run.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("scene", [deli.scenes.point_mass(), deli.scenes.spring_sphere()], ids=lambda scene: scene.name)
+def test_worst_is_said_of_what_penetrated(scene):
+    run = deli.simulate(scene, deli.GVI(), step_size=0.01, steps=60)
+    for shift in (0.0, 1.0 - float(run["trajectory"]["gap_min"].min())):
+        run["trajectory"]["gap_min"].values[:] += shift
+        least = float(run["trajectory"]["gap_min"].min())
+        title = deli.plotting.gaps(run).axes[0].get_title(loc="left")
+        assert ("worst -" in title) == (least < 0.0)
+        assert ("nothing penetrates" in title) == (least >= 0.0)
