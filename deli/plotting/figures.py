@@ -178,14 +178,17 @@ def write_picture(figure: Figure, path: Path, dpi: float = DPI) -> None:
         figure.savefig(fresh, dpi=dpi, format=path.suffix[1:].lower())
 
 
-def check_picture(path: Path) -> None:
-    """Refuse a picture that cannot be written.
+def check_picture(path: Path, *, overwrite: bool = True) -> None:
+    """Refuse a picture that cannot be written, or that exists and may not be overwritten.
 
     Raises
     ------
     InputError
-        If the folder is missing or unwritable, or the suffix is none of .png, .pdf and .svg.
+        If the folder is missing or unwritable, the suffix is none of .png, .pdf and .svg, or the file exists and
+        `overwrite` is not set.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"picture {path}: found the suffix {path.suffix!r}; allowed: {', '.join(SUFFIXES)}.")
     check_folder("picture", path)
+    if path.exists() and not overwrite:
+        raise InputError(f"picture {path} exists; name another, or replace it (--overwrite).")
