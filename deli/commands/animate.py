@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from deli.commands.console import RUN_FAILED, complain, console, guarded
+from deli.commands.files import NETCDF, require_kind
 
 
 @guarded
@@ -48,6 +49,7 @@ def animate(
     from deli.simulation import open_run
 
     target = output or Path(str(file).removesuffix(".partial")).with_suffix(".gif")
+    require_kind(file, "animate", "a recorded run", NETCDF)
     check_movie(target, overwrite=overwrite)
     run = open_run(file)
     if not quiet and known_scene(run, None) is None:

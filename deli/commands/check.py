@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from deli.commands.console import INPUT_AT_FAULT, complain, console, guarded
+from deli.commands.files import CONFIG, NETCDF, require_kind
 from deli.commands.run import Settings, read_config
 
 
@@ -22,6 +23,7 @@ def check(
     """
     from deli.commands.tables import print_plan
 
+    require_kind(file, "check", "a run's config (.toml) or a recorded run", CONFIG, NETCDF)
     if file.suffix == ".toml":
         config = read_config(str(file), settings or [])
         print_plan(console(), config.plan(config.output, overwrite=True))

@@ -6,18 +6,26 @@ from typing import Annotated
 import typer
 
 from deli.commands.console import console, guarded
+from deli.commands.files import NETCDF, require_kind
 
 
 @guarded
 def plot(
     file: Annotated[Path, typer.Argument(metavar="FILE.nc", help="A recorded run, finished or partial.")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Picture to write (default: FILE.png).")] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="PICTURE", help="Picture to write, .png, .pdf or .svg (default: FILE.png)."
+        ),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the picture if it exists.")] = False,
 ) -> None:
     """Draw a recorded run: energy, momenta, gaps and solver residuals over time, beside the trajectory."""
     from deli.plotting import check_picture, save
     from deli.simulation import open_run
 
-    target = output or file.with_suffix(".png")
-    check_picture(target)
+    require_kind(file, "plot", "a recorded run", NETCDF)
+    target = output or Path(str(file).removesuffix(".partial")).with_suffix(".png")
+    check_picture(target, overwrite=overwrite)
     save(open_run(file), target)
     console().print(f"Drawn into {target}", soft_wrap=True)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from deli.commands.console import console, guarded
+from deli.commands.files import STUDY_FOLDER, require_kind
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,6 +30,7 @@ def report(
     from deli.studies.plot_tables import HeatMap
     from deli.studies.report import plots_of, write_report
 
+    require_kind(folder, "report", "a study's folder", STUDY_FOLDER)
     study = open_study(folder)
     page, text = write_report(study)
     if not quiet:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deli.commands.console import RUN_FAILED, complain, console, guarded
+from deli.commands.files import STUDY, require_kind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -104,6 +105,7 @@ def study(
 
     if workers is not None and scheduler is not None:
         raise InputError("--workers and --scheduler are both given; a Dask scheduler has its own workers.")
+    require_kind(source, "study", "a study's file (.toml)", STUDY)
     checked, folder = load(source, quick), output or _folder_of(source)
     decisions = plan_study(checked, folder, retry_failed=retry_failed)
     if dry_run:

@@ -50,7 +50,7 @@ def print_summary(console: Console, run: "xr.DataTree") -> None:
     errors = ", ".join(f"{name} {error:.1e}" for name, error in metrics.momentum_errors(run).items())
     _add(table, "momentum error", errors or "no component is conserved in this scene")
     if not math.isnan(found["violation_worst"]):
-        _add(table, "worst gap", f"{float(trajectory['gap_min'].min()):+.2e}")
+        _add(table, "smallest gap", f"{float(trajectory['gap_min'].min()):+.2e}")
     if not math.isnan(found["equality_residual"]):
         _add(table, "equality residual", f"{found['equality_residual']:.2e}")
     sums = stats[["solves", "skipped", "iterations", "fallbacks"]].sum("step")

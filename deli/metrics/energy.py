@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from deli.errors import InputError
 from deli.metrics.contact import contacts
 from deli.metrics.trajectory import simulated_time
 from deli.recording.schema import TRAJECTORY, dataset_of
@@ -52,7 +53,16 @@ def drift(time: np.ndarray, energy: np.ndarray) -> Drift:
     -------
     Drift
         In units of energy by time; nan where there are fewer than two rows a block.
+
+    Raises
+    ------
+    InputError
+        If there is not one energy for each time.
     """
+    if time.shape != energy.shape or time.ndim != 1:
+        raise InputError(
+            f"drift: found times of shape {time.shape} and energies of shape {energy.shape}; pass one row."
+        )
     if len(time) < 2 * DRIFT_BLOCKS:
         return Drift(np.nan, np.nan)
     t = np.array([block.mean() for block in np.array_split(time, DRIFT_BLOCKS)])

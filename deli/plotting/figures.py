@@ -82,7 +82,7 @@ def trajectory(run: xr.DataTree, scene: Scene | None = None, ax: Axes | None = N
     Raises
     ------
     InputError
-        If the scene is not the run's, or the axes have another dimension.
+        If the scene is not the run's, by the digest of its content, or the axes have another dimension.
     """
     with matplotlib.rc_context(STYLE):
         if ax is not None:
@@ -112,7 +112,7 @@ def save(run: xr.DataTree, path: str | os.PathLike[str], scene: Scene | None = N
     Raises
     ------
     InputError
-        If the file cannot be written or its format is unknown.
+        If the file cannot be written, its format is unknown, or the scene is not the run's.
     """
     check_picture(Path(path))
     # Margins of logarithmic axes about the largest numbers overflow, which matplotlib sees to.
@@ -178,14 +178,17 @@ def write_picture(figure: Figure, path: Path, dpi: float = DPI) -> None:
         figure.savefig(fresh, dpi=dpi, format=path.suffix[1:].lower())
 
 
-def check_picture(path: Path) -> None:
-    """Refuse a picture that cannot be written.
+def check_picture(path: Path, *, overwrite: bool = True) -> None:
+    """Refuse a picture that cannot be written, or that exists and may not be overwritten.
 
     Raises
     ------
     InputError
-        If the folder is missing or unwritable, or the suffix is none of .png, .pdf and .svg.
+        If the folder is missing or unwritable, the suffix is none of .png, .pdf and .svg, or the file exists and
+        `overwrite` is not set.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"picture {path}: found the suffix {path.suffix!r}; allowed: {', '.join(SUFFIXES)}.")
     check_folder("picture", path)
+    if path.exists() and not overwrite:
+        raise InputError(f"picture {path} exists; name another, or replace it (--overwrite).")

@@ -22,7 +22,7 @@ class TestRun:
         assert result.exit_code == DONE, result.output
         run = deli.open_run(folder / "newtons_cradle.nc")
         assert run["trajectory"].sizes["time"] == 21
-        for word in ("complete", "energy error", "worst gap", "position", "Recorded in newtons_cradle.nc"):
+        for word in ("complete", "energy error", "smallest gap", "position", "Recorded in newtons_cradle.nc"):
             assert word in result.stdout
 
     def test_a_config(self, folder):
