@@ -226,14 +226,8 @@ class CompiledProblem:
         x, y = answer.x, answer.y
         if answer.claimed in NO_POINT:
             x, y = np.full(self.program.variables, np.nan), np.full(self.program.rows, np.nan)
-        primal = {}
-        for name, place, shape in self._primal:
-            value = x[place]
-            primal[name] = value if shape is None else value.reshape(shape, order="F")
-        dual = []
-        for place, shape in self._dual:
-            value = y[place]
-            dual.append(value if shape is None else value.reshape(shape, order="F"))
+        primal = {name: place.take(x) for name, place in self._primal}
+        dual = [place.take(y) for place in self._dual]
         residuals = self._residuals
         return Solution(
             primal,

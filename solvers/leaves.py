@@ -61,7 +61,7 @@ def write_back(problem: cp.Problem, solution: Solution) -> None:
     if status == cp.SOLVER_ERROR:
         message = f"the backend {solution.backend} ended with {solution.status} ({solution.message})"
         raise CvxpySolverError(f"{message}: try another backend")
-    primal = {variable.id: solution.primal[variable.name()] for variable in problem.variables()}
+    primal = {variable.id: _as_cvxpy(variable, solution.primal[variable.name()]) for variable in problem.variables()}
     found = zip(problem.constraints, solution.dual, strict=True)
     dual = {constraint.id: multiplier for constraint, multiplier in found} if not np.isinf(value) else {}
     problem.unpack(CvxpySolution(status, value, primal, dual, {}))
@@ -86,6 +86,11 @@ def declared_entries(parameter: cp.Parameter, value: np.ndarray) -> np.ndarray:
     if np.count_nonzero(entries) != np.count_nonzero(value):
         raise ParameterError(f"parameter {parameter.name()!r} has entries outside the pattern it declares")
     return entries
+
+def _as_cvxpy(variable: cp.Variable, value: np.ndarray) -> "np.ndarray | sparse.dia_array":
+    """A Variable's value as cvxpy stores it: sparse where it is diagonal."""
+    return sparse.diags_array(np.diag(value)) if variable.attributes["diag"] else value
+
 
 
 def _places(parameter: cp.Parameter) -> np.ndarray:
