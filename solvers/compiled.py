@@ -6,12 +6,11 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import sparse
 
 from solvers import registry
-from solvers.asking import ask, attach
+from solvers.asking import FLOAT, ask, attach
 from solvers.backends.base import Answer, Backend
-from solvers.declared import checks
+from solvers.declared import checks, real_numbers
 from solvers.errors import BackendError, ParameterError, SolverError
 from solvers.residuals import EXACT, Residuals
 from solvers.solution import Solution, Status
@@ -150,7 +149,8 @@ class CompiledProblem:
         Raises
         ------
         ParameterError
-            If a name is unknown or a value has another shape or is not finite.
+            If a name is unknown, or a value has another shape or is not made of finite real numbers. An inequality
+            is left open by inf in a constant of the model, not by the value of a Parameter.
         BackendError
             If the backend, or the last member of a chain, raises something.
         """
@@ -160,8 +160,8 @@ class CompiledProblem:
             view = views.get(name)
             if view is None:
                 raise ParameterError(f"unknown parameter {name!r}; allowed: {', '.join(views) or 'none'}")
-            if type(value) is not np.ndarray:
-                value = value.toarray() if sparse.issparse(value) else np.asarray(value, dtype=float)
+            if type(value) is not np.ndarray or value.dtype is not FLOAT:
+                value = real_numbers(name, value)
             view[...] = value if value.shape == view.shape else self._canonical.to_view(name, value)
         if not self._map.apply():
             self._refuse_not_finite()
@@ -264,3 +264,5 @@ class CompiledProblem:
         for name, view in self.parameters.items():
             if not np.isfinite(view).all():
                 raise ParameterError(f"parameter {name!r} was never given or holds nan or inf; allowed: finite numbers")
+        if not self._map.is_finite():  # a scalar product of large numbers overflows before they do
+            raise ParameterError("the values of the parameters overflow in the products that the problem makes of them")
