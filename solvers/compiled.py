@@ -10,6 +10,7 @@ import numpy as np
 from solvers import registry
 from solvers.asking import FLOAT, ask, attach
 from solvers.backends.base import Answer, Backend
+from solvers.curvature import fitting
 from solvers.declared import checks, real_numbers
 from solvers.errors import BackendError, ParameterError, SolverError
 from solvers.residuals import EXACT, Residuals
@@ -122,7 +123,7 @@ class CompiledProblem:
         self._checks = checks(canonical.problem.parameters(), self.parameters) if check_parameters else ()
         self._residuals = Residuals(self.program)
         self._canonical = canonical
-        self._members = tuple(options)
+        self._members = fitting(tuple(options), canonical)
         self._options = options
         if polish:
             from solvers.polish import Polish  # scipy.optimize takes long to import, and listing needs no polish

@@ -58,11 +58,16 @@ class Backend(ABC):
         Whether the solver takes a sparse matrix as such, so that large programs are handed to it.
     warm_starts : bool
         Whether `begin` can be called.
+    strictly_convex : bool
+        Whether P must be positive definite. A problem in which it is not, whatever the values of its Parameters, is
+        refused when it is compiled, or goes to the next member of a chain; where it depends on them, a solve that
+        finds it indefinite fails with a message.
     """
 
     name: ClassVar[str]
     sparse: ClassVar[bool] = False
     warm_starts: ClassVar[bool] = False
+    strictly_convex: ClassVar[bool] = False
 
     @abstractmethod
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None: ...
