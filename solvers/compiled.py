@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from copy import copy
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from solvers import registry
 from solvers.asking import FLOAT, ask, attach
 from solvers.backends.base import Answer, Backend
+from solvers.copies import parts, rebuild
 from solvers.curvature import fitting
 from solvers.declared import checks, real_numbers
 from solvers.errors import BackendError, ParameterError, SolverError
@@ -81,7 +83,14 @@ def compile(
     from solvers.canonical import canonicalize  # cvxpy takes a second to import
 
     with CVXPY:
-        return CompiledProblem(canonicalize(problem), backend, tolerance, polish, check_parameters, warm_start, table)
+        compiled = CompiledProblem(
+            canonicalize(problem), backend, tolerance, polish, check_parameters, warm_start, table
+        )
+    compiled._keywords = {
+        "backend": backend, "tolerance": tolerance, "polish": polish, "check_parameters": check_parameters,
+        "warm_start": warm_start, **options,
+    }  # fmt: skip
+    return compiled
 
 
 class CompiledProblem:
@@ -97,11 +106,18 @@ class CompiledProblem:
         The name asked for.
     tolerance : float
         Bound on the residuals of an answer called solved.
+
+    Notes
+    -----
+    A copy (`copy`, `pickle`, and with it processes, joblib and Dask) is compiled anew from the problem, the keywords
+    given to `solvers.compile` and the current parameter values: it shares nothing with its original but, within a
+    process, the cvxpy problem, gives the same answers bit for bit, and begins without a warm start. Backends of the
+    user's own have to be registered where it is unpickled.
     """
 
     __slots__ = (
-        "_canonical", "_checks", "_dual", "_last", "_map", "_members", "_options", "_polish", "_primal", "_residuals",
-        "_solvers", "_warm_start", "backend", "parameters", "program", "tolerance",
+        "_canonical", "_checks", "_dual", "_keywords", "_last", "_map", "_members", "_options", "_polish", "_primal",
+        "_residuals", "_solvers", "_warm_start", "backend", "parameters", "program", "tolerance",
     )  # fmt: skip
 
     def __init__(
@@ -131,6 +147,7 @@ class CompiledProblem:
         self._warm_start = warm_start
         self._last: tuple[np.ndarray, np.ndarray] | None = None
         self._solvers: list[Backend] = []
+        self._keywords: dict[str, Any] = {}
         self._attach(0)
 
     def solve(self, **parameters: Any) -> Solution:
@@ -188,6 +205,14 @@ class CompiledProblem:
         if self._warm_start:
             self._last = (answer.x.copy(), answer.y.copy()) if status is SOLVED else None
         return self._report(answer, status, polished, member, start, setup_time, solve_time)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the parts that a compiled problem is made of."""
+        return rebuild, parts(self._canonical.problem, self._keywords, self.parameters)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "CompiledProblem":
+        """Copy everything but the model, which no solve changes."""
+        return copy(self)
 
     def _judge(self, answer: Answer) -> tuple[Status, Answer, bool]:
         """Decide on the residuals what the answer is worth, after polishing it if asked to."""

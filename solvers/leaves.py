@@ -6,6 +6,7 @@ from contextlib import contextmanager
 import cvxpy as cp
 import numpy as np
 from cvxpy.error import SolverError as CvxpySolverError
+from cvxpy.lin_ops.lin_utils import ID_COUNTER
 from cvxpy.reductions.cvx_attr2constr import lower_value
 from cvxpy.reductions.solution import Solution as CvxpySolution
 from scipy import sparse
@@ -25,6 +26,25 @@ def kept_values(problem: cp.Problem) -> Iterator[None]:
     finally:
         for leaf, value in saved:
             leaf._value = value
+
+
+def without_cache(problem: cp.Problem) -> cp.Problem:
+    """The same problem without what cvxpy keeps of its solves, which cannot be pickled."""
+    return cp.Problem(problem.objective, problem.constraints)
+
+
+def highest_identifier() -> int:
+    """Return the number up to which cvxpy has named Variables, Parameters and constraints in this process."""
+    return int(ID_COUNTER.count)
+
+
+def reserve_identifiers(upto: int) -> None:
+    """Let cvxpy name what it makes from now on differently from a problem that came from another process.
+
+    It numbers the auxiliary variables of a problem from its own count, which in a new process would meet those of a
+    problem that was unpickled there.
+    """
+    ID_COUNTER.count = max(ID_COUNTER.count, upto)
 
 
 def value_of(parameter: cp.Parameter) -> np.ndarray | None:
@@ -67,6 +87,11 @@ def write_back(problem: cp.Problem, solution: Solution) -> None:
     problem.unpack(CvxpySolution(status, value, primal, dual, {}))
 
 
+def _as_cvxpy(variable: cp.Variable, value: np.ndarray) -> "np.ndarray | sparse.dia_array":
+    """A Variable's value as cvxpy stores it: sparse where it is diagonal."""
+    return sparse.diags_array(np.diag(value)) if variable.attributes["diag"] else value
+
+
 def lowered_view(parameter: cp.Parameter, view: np.ndarray) -> np.ndarray:
     """The free entries that cvxpy replaces a Parameter by, from what its view holds."""
     if parameter.attributes["sparsity"]:
@@ -86,11 +111,6 @@ def declared_entries(parameter: cp.Parameter, value: np.ndarray) -> np.ndarray:
     if np.count_nonzero(entries) != np.count_nonzero(value):
         raise ParameterError(f"parameter {parameter.name()!r} has entries outside the pattern it declares")
     return entries
-
-def _as_cvxpy(variable: cp.Variable, value: np.ndarray) -> "np.ndarray | sparse.dia_array":
-    """A Variable's value as cvxpy stores it: sparse where it is diagonal."""
-    return sparse.diags_array(np.diag(value)) if variable.attributes["diag"] else value
-
 
 
 def _places(parameter: cp.Parameter) -> np.ndarray:

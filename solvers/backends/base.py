@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -83,6 +83,10 @@ class Backend(ABC):
     @abstractmethod
     def solve(self) -> Answer:
         """Solve for the numbers handed over last."""
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse copies, which would be attached to a program that nobody rewrites."""
+        raise TypeError(f"the backend {self.name!r} is attached to one program: copy the compiled problem instead")
 
 
 def refuse_unknown(backend: str, options: Mapping[str, Any], allowed: Iterable[str]) -> None:
