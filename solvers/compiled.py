@@ -43,7 +43,9 @@ def compile(
     Parameters
     ----------
     problem : cvxpy.Problem
-        A convex quadratic program that follows disciplined parametrized programming (DPP).
+        A convex quadratic program that follows disciplined parametrized programming (DPP), in real and continuous
+        Variables of any other attributes but ``PSD`` and ``NSD``. An inequality whose bound holds inf as a constant
+        is open there: it has no row, and the multiplier 0.
     backend : str
         One of `solvers.backends`, ``"auto"`` (native, daqp, then piqp), or ``"cvxpy:SOLVER"`` for any solver cvxpy has.
     tolerance : float
@@ -66,7 +68,8 @@ def compile(
     Raises
     ------
     SolverError
-        If the problem, the backend or an option cannot be used.
+        If the problem, the backend or an option cannot be used: naming the cone, the Variable, the Parameter or the
+        constraint in the way, or the entries without curvature if the backend needs it everywhere.
     """
     if not 0.0 < tolerance < 1.0:
         raise SolverError(f"tolerance is {tolerance!r}; allowed: a number between 0 and 1, such as 1e-9")
