@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg.blas import ddot
 
 # The compiled kernel under scipy's ``@``, whose own checks cost four times the product at a few hundred entries.
 from scipy.sparse import _sparsetools
@@ -122,10 +123,14 @@ class AffineMap:
                 varying, self.theta.size, self._indptr, self._indices, self._data, self.theta, image
             )
             small = varying <= DENSE_LIMIT  # a longer product of vectors would start threads, for milliseconds
-            finite = math.isfinite(image.dot(image)) if small else bool(np.isfinite(image).all())
+            finite = math.isfinite(ddot(image, image)) if small else bool(np.isfinite(image).all())
         if program.equalities:
             program.lower[: program.equalities] = program.upper[: program.equalities]
         return finite
+
+    def is_finite(self) -> bool:
+        """Whether all numbers of the program are finite."""
+        return bool(np.isfinite(self._numbers).all())
 
     def lend(self) -> list[bytes]:
         """Return what `take_back` has to know, before a backend gets hold of the program."""

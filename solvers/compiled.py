@@ -2,17 +2,19 @@
 
 import math
 from collections.abc import Mapping
+from copy import copy
 from threading import Lock
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import sparse
 
 from solvers import registry
-from solvers.asking import ask, attach
+from solvers.asking import FLOAT, ask, attach
 from solvers.backends.base import Answer, Backend
-from solvers.declared import checks
+from solvers.copies import parts, rebuild
+from solvers.curvature import fitting
+from solvers.declared import checks, real_numbers
 from solvers.errors import BackendError, ParameterError, SolverError
 from solvers.residuals import EXACT, Residuals
 from solvers.solution import Solution, Status
@@ -44,7 +46,9 @@ def compile(
     Parameters
     ----------
     problem : cvxpy.Problem
-        A convex quadratic program that follows disciplined parametrized programming (DPP).
+        A convex quadratic program that follows disciplined parametrized programming (DPP), in real and continuous
+        Variables of any other attributes but ``PSD`` and ``NSD``. An inequality whose bound holds inf as a constant
+        is open there: it has no row, and the multiplier 0.
     backend : str
         One of `solvers.backends`, ``"auto"`` (native, daqp, then piqp), or ``"cvxpy:SOLVER"`` for any solver cvxpy has.
     tolerance : float
@@ -67,7 +71,8 @@ def compile(
     Raises
     ------
     SolverError
-        If the problem, the backend or an option cannot be used.
+        If the problem, the backend or an option cannot be used: naming the cone, the Variable, the Parameter or the
+        constraint in the way, or the entries without curvature if the backend needs it everywhere.
     """
     if not 0.0 < tolerance < 1.0:
         raise SolverError(f"tolerance is {tolerance!r}; allowed: a number between 0 and 1, such as 1e-9")
@@ -84,7 +89,14 @@ def compile(
     from solvers.canonical import canonicalize  # cvxpy takes a second to import
 
     with CVXPY:
-        return CompiledProblem(canonicalize(problem), backend, tolerance, polish, check_parameters, warm_start, table)
+        compiled = CompiledProblem(
+            canonicalize(problem), backend, tolerance, polish, check_parameters, warm_start, table
+        )
+    compiled._keywords = {
+        "backend": backend, "tolerance": tolerance, "polish": polish, "check_parameters": check_parameters,
+        "warm_start": warm_start, **options,
+    }  # fmt: skip
+    return compiled
 
 
 class CompiledProblem:
@@ -108,11 +120,18 @@ class CompiledProblem:
         The standard form, with the numbers of the last solve; for reading only.
     tolerance : float
         Bound on the residuals of an answer called solved.
+
+    Notes
+    -----
+    A copy (`copy`, `pickle`, and with it processes, joblib and Dask) is compiled anew from the problem, the keywords
+    given to `solvers.compile` and the current parameter values: it shares nothing with its original but, within a
+    process, the cvxpy problem, gives the same answers bit for bit, and begins without a warm start. Backends of the
+    user's own have to be registered where it is unpickled.
     """
 
     __slots__ = (
-        "_canonical", "_checks", "_dual", "_last", "_lock", "_map", "_members", "_options", "_polish", "_primal",
-        "_residuals", "_sense", "_solvers", "_warm_start", "backend", "parameters", "program", "tolerance",
+        "_canonical", "_checks", "_dual", "_keywords", "_last", "_lock", "_map", "_members", "_options", "_polish",
+        "_primal", "_residuals", "_sense", "_solvers", "_warm_start", "backend", "parameters", "program", "tolerance",
     )  # fmt: skip
 
     def __init__(
@@ -135,7 +154,7 @@ class CompiledProblem:
         self._checks = checks(canonical.problem.parameters(), canonical.views) if check_parameters else ()
         self._residuals = Residuals(self.program)
         self._canonical = canonical
-        self._members = tuple(options)
+        self._members = fitting(tuple(options), canonical)
         self._options = options
         if polish:
             from solvers.polish import Polish  # scipy.optimize takes long to import, and listing needs no polish
@@ -144,6 +163,7 @@ class CompiledProblem:
         self._last: tuple[np.ndarray, np.ndarray] | None = None
         self._solvers: list[Backend] = []
         self._lock = Lock()
+        self._keywords: dict[str, Any] = {}
         self._attach(0)
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -169,7 +189,8 @@ class CompiledProblem:
         Raises
         ------
         ParameterError
-            If a name is unknown or a value has another shape or is not finite.
+            If a name is unknown, or a value has another shape or is not made of finite real numbers. An inequality
+            is left open by inf in a constant of the model, not by the value of a Parameter.
         BackendError
             If the backend, or the last member of a chain, raises something.
         """
@@ -183,8 +204,8 @@ class CompiledProblem:
             view = views.get(name)
             if view is None:
                 raise ParameterError(f"unknown parameter {name!r}; allowed: {', '.join(views) or 'none'}")
-            if type(value) is not np.ndarray:
-                value = value.toarray() if sparse.issparse(value) else np.asarray(value, dtype=float)
+            if type(value) is not np.ndarray or value.dtype is not FLOAT:
+                value = real_numbers(name, value)
             view[...] = value if value.shape == view.shape else self._canonical.to_view(name, value)
         if not self._map.apply():
             self._refuse_not_finite()
@@ -210,6 +231,14 @@ class CompiledProblem:
         if self._warm_start:
             self._last = (answer.x.copy(), answer.y.copy()) if status is SOLVED else None
         return self._report(answer, status, polished, member, start, setup_time, solve_time)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the parts that a compiled problem is made of."""
+        return rebuild, parts(self._canonical.problem, self._keywords, self.parameters)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "CompiledProblem":
+        """Copy everything but the model, which no solve changes."""
+        return copy(self)
 
     def _judge(self, answer: Answer) -> tuple[Status, Answer, bool]:
         """Decide on proofs and residuals what the answer is worth, after polishing it if asked to."""
@@ -255,14 +284,8 @@ class CompiledProblem:
         x, y = answer.x, answer.y
         if status in NO_POINT:
             x, y = np.full(self.program.variables, np.nan), np.full(self.program.rows, np.nan)
-        primal = {}
-        for name, place, shape in self._primal:
-            value = x[place]
-            primal[name] = value if shape is None else value.reshape(shape, order="F")
-        dual = []
-        for place, shape in self._dual:
-            value = y[place]
-            dual.append(value if shape is None else value.reshape(shape, order="F"))
+        primal = {name: place.take(x) for name, place in self._primal}
+        dual = [place.take(y) for place in self._dual]
         residuals = self._residuals
         return Solution(
             primal,
@@ -300,3 +323,5 @@ class CompiledProblem:
         for name, view in self.parameters.items():
             if not np.isfinite(view).all():
                 raise ParameterError(f"parameter {name!r} was never given or holds nan or inf; allowed: finite numbers")
+        if not self._map.is_finite():  # a scalar product of large numbers overflows before they do
+            raise ParameterError("the values of the parameters overflow in the products that the problem makes of them")

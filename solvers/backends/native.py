@@ -10,6 +10,7 @@ from numba import njit
 from solvers import tolerances
 from solvers.absorbed import absorbed
 from solvers.backends.base import Answer, Backend, refuse_unknown
+from solvers.curvature import SEMIDEFINITE
 from solvers.native import project_within
 from solvers.program import Matrix, QuadraticProgram
 from solvers.solution import Status
@@ -22,10 +23,9 @@ STATUS = {
     4: (Status.FAILED, "rows too close to dependent, or numbers too large, for double precision"),
     NOT_CONVEX: (
         Status.FAILED,
-        "the quadratic term is not positive definite: use daqp, piqp or clarabel, or give every variable curvature",
+        "the quadratic term is not positive definite at these parameter values: use daqp, piqp or clarabel",
     ),
 }
-SEMIDEFINITE = 1e-14  # pivot, relative to the diagonal, that is called zero
 
 
 class Native(Backend):
@@ -42,6 +42,7 @@ class Native(Backend):
     """
 
     name = "native"
+    strictly_convex = True
 
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None:
         self.program = program
