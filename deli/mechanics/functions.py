@@ -43,14 +43,14 @@ class Potential(PotentialFamily):
         _check_callable("Potential", energy=energy, gradient=gradient, hessian=hessian)
         self.layout: Layout | None = None
         self._given = {"energy": energy, "gradient": gradient, "hessian": hessian}
-        self._energy = energy
         self._hessian = hessian
-        if gradient is None:
-            self._gradient: Function = JaxDerivative("energy of Potential", energy, "gradient")
-            if hessian is None:
-                self._hessian = JaxDerivative("energy of Potential", energy, "hessian")
-        else:
-            self._gradient = gradient
+        if gradient is not None:
+            self._energy, self._gradient = energy, gradient
+            return
+        derivative = JaxDerivative("energy of Potential", energy, "gradient")
+        self._energy, self._gradient = derivative.value, derivative
+        if hessian is None:
+            self._hessian = JaxDerivative("energy of Potential", energy, "hessian")
 
     def bind(self, layout: Layout) -> Self:
         """Return a copy for ``layout``, its functions checked at the initial state."""
@@ -110,11 +110,11 @@ class Constraints(ConstraintFamily):
         _check_callable("Constraints", value=value, jacobian=jacobian)
         self.layout: Layout | None = None
         self._given = {"value": value, "jacobian": jacobian}
-        self._value = value
-        missing = jacobian is None
-        self._jacobian: Function = (
-            JaxDerivative("value of Constraints", value, "jacobian") if missing else jacobian  # type: ignore[assignment]
-        )
+        if jacobian is not None:
+            self._value, self._jacobian = value, jacobian
+            return
+        derivative = JaxDerivative("value of Constraints", value, "jacobian")
+        self._value, self._jacobian = derivative.value, derivative
 
     def bind(self, layout: Layout) -> Self:
         """Return a copy for ``layout``, its functions checked at the initial state."""
