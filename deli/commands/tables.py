@@ -47,8 +47,9 @@ def print_summary(console: Console, run: "xr.DataTree") -> None:
     _add(table, "energy error", f"{found['energy_low']:+.2e} … {found['energy_high']:+.2e}")
     if not math.isnan(found["energy_drift"]):
         _add(table, "energy drift", f"{found['energy_drift']:+.1e} ± {found['energy_drift_error']:.0e} a unit of time")
-    errors = ", ".join(f"{name} {error:.1e}" for name, error in metrics.momentum_errors(run).items())
-    _add(table, "momentum error", errors or "no component is conserved in this scene")
+    errors = [f"{name} {error:.1e}" for name, error in metrics.momentum_errors(run).items()]
+    errors += [f"{name}: not known whether this scene conserves it" for name in metrics.undecided_momenta(run)]
+    _add(table, "momentum error", ", ".join(errors) or "no component is conserved in this scene")
     if not math.isnan(found["violation_worst"]):
         _add(table, "worst gap", f"{float(trajectory['gap_min'].min()):+.2e}")
     if not math.isnan(found["equality_residual"]):
