@@ -38,7 +38,8 @@ def print_summary(console: Console, run: "xr.DataTree") -> None:
     from deli import metrics
 
     trajectory, stats = dataset_of(run, TRAJECTORY), dataset_of(run, STATS)
-    found = {name: value.item() for name, value in metrics.measure(run).items()}
+    measured = metrics.measure(run)
+    found = {name: value.item() for name, value in measured.items()}
     console.print(run.attrs["title"], markup=False, soft_wrap=True)
     table = Table(show_header=False)
     _add(table, "outcome", run.attrs["outcome"])
@@ -59,6 +60,8 @@ def print_summary(console: Console, run: "xr.DataTree") -> None:
         work = {key: int(value) for key, value in sums.sel(subproblem=name).data_vars.items()}
         text = f"{work['solves']:,} solves, {work['skipped']:,} skipped, {work['iterations']:,} iterations"
         _add(table, str(name), text + (f", {work['fallbacks']:,} fallbacks" if work["fallbacks"] else ""))
+    if "note" in measured.attrs:
+        _add(table, "note", measured.attrs["note"])
     rest = found["wall_time"] - found["solver_time"] - found["overhead_time"]
     times = f"{found['solver_time']:.3g} s solver, {found['overhead_time']:.3g} s overhead, {rest:.3g} s rest"
     _add(table, "time", f"{times}; {found['wall_time']:.3g} s in all")

@@ -17,6 +17,7 @@ from deli.metrics.momentum import (
 from deli.metrics.shadow import shadow_energy
 from deli.metrics.table import METRICS, measure
 from deli.metrics.trajectory import steps_taken, trajectory_error
+from deli.metrics.uncalled import uncalled_note, uncalled_solvers
 
 __all__ = [
     "METRICS",
@@ -36,6 +37,8 @@ __all__ = [
     "shadow_energy",
     "steps_taken",
     "trajectory_error",
+    "uncalled_note",
+    "uncalled_solvers",
     "undecided_momenta",
     "violation",
 ]

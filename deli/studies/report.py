@@ -15,8 +15,9 @@ from markdown_it import MarkdownIt
 from deli.config.reading import parse_toml
 from deli.plotting.figures import write_picture
 from deli.recording.whole import write_text
-from deli.studies.findings import COMPLETE, SCENE, findings
+from deli.studies.findings import COMPLETE, findings
 from deli.studies.layout import PAGE, PICTURES, TEXT
+from deli.studies.matching import SCENE
 from deli.studies.model import check_table
 from deli.studies.plot_tables import Plot
 from deli.studies.plots import check_plots, draw, first_look
@@ -137,15 +138,29 @@ def _cases(study: xr.Dataset) -> str:
         logarithms = complete.map(lambda values: np.log(abs(values)))
     means = logarithms.mean(axes[len(kept) :]).map(np.exp)
     means["state"] = (study["state"] == DONE).sum(axes[len(kept) :])
-    told = f"Geometric means over {', '.join(axes[len(kept) :])} of the cases that ended, which `state` counts."
-    return f"{told}\n\n" + _table([*kept, "state", *shown], list(_rows(means, kept, shown)))
+    counts = complete.notnull().sum(axes[len(kept) :])
+    told = (
+        f"Geometric means over {', '.join(axes[len(kept) :])} of the cases that ended, which `state` counts; of fewer "
+        "where a number is followed by how many. Rows of other counts are means of other cases."
+    )
+    return f"{told}\n\n" + _table([*kept, "state", *shown], list(_rows(means, kept, shown, counts)))
 
 
-def _rows(metrics: xr.Dataset, axes: list[str], shown: list[str]) -> Iterator[list[str]]:
+def _rows(
+    metrics: xr.Dataset, axes: list[str], shown: list[str], counts: xr.Dataset | None = None
+) -> Iterator[list[str]]:
+    """Words of each case, or of the means of several, of which `counts` says how many cases know a metric."""
     for index in np.ndindex(*(metrics.sizes[name] for name in axes)):
-        case = metrics.isel(dict(zip(axes, index, strict=True)))
-        if case["state"].item() != EXCLUDED:
-            yield [_word(case[name].item()) for name in (*axes, "state", *shown)]
+        place = dict(zip(axes, index, strict=True))
+        case = metrics.isel(place)
+        if case["state"].item() == EXCLUDED:
+            continue
+        words = [_word(case[name].item()) for name in (*axes, "state", *shown)]
+        if counts is not None:
+            of = [int(counts[name].isel(place)) for name in shown]
+            fewer = (f" ({count})" if 0 < count < case["state"].item() else "" for count in of)
+            words[-len(shown) :] = [f"{value}{said}" for value, said in zip(words[-len(shown) :], fewer, strict=True)]
+        yield words
 
 
 def _failures(study: xr.Dataset) -> str:
