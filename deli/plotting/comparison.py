@@ -93,8 +93,8 @@ def work_precision(
     tried = known.any([name for name in known.dims if name not in others])
     whole = known.where(tried, other=True).all(others)
     for index, (label, part) in enumerate(_parts(data.assign(_whole=whole), by)):
-        values = np.abs(part[[cost, error]]).clip(min=FLOOR).where(tried & part["_whole"])
-        means = np.exp(np.log(values).mean(others))
+        values = abs(part[[cost, error]]).clip(min=FLOOR).where(tried & part["_whole"])
+        means = values.map(np.log).mean(others).map(np.exp)
         points = int(part["_whole"].sum())
         if label is not None and points < part.sizes[along]:
             label = f"{label} ({points} of {part.sizes[along]} points)"

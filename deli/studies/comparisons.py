@@ -12,6 +12,7 @@ from deli.studies.states import DONE, EXCLUDED
 SOLVER = "solver"
 SAME = 1.05  # cases within five per cent of each other count as equal
 LAW = 0.98  # squared correlation of logarithms from which on a power law is named
+_SPENT = {"solver_time": "time inside solvers", "cpu_time": "CPU time of steps", "wall_time": "wall time"}
 ROUNDING = 1e-12  # a drift per reflected contact below which there is none
 MOST_PLACES = 8  # named in one sentence
 
@@ -97,7 +98,9 @@ def _named(left_out: Sequence[LeftOut]) -> str:
 
 def _time(study: xr.Dataset, axis: str) -> str:
     """Name the time that solvers are compared by, or everything else."""
-    return "solver_time" if _of_solvers(study, axis) else "wall_time"
+    if _of_solvers(study, axis):
+        return "solver_time"
+    return "cpu_time" if "cpu_time" in study else "wall_time"
 
 
 def _of_solvers(study: xr.Dataset, axis: str) -> bool:
@@ -106,11 +109,11 @@ def _of_solvers(study: xr.Dataset, axis: str) -> bool:
 
 def _times(metric: _Metric, axis: str) -> Iterator[str]:
     means = _geometric(metric, axis)
-    spent = "time inside solvers" if metric.values.name == "solver_time" else "time"
+    spent = _SPENT[str(metric.values.name)]
     (first, least), *others = sorted(means.items(), key=lambda entry: entry[1])
     if others[-1][1] / least < SAME:
         compared = f"within {100 * (SAME - 1):.0f} %, {metric.each(axis)}{metric.left_out}"
-        yield f"{spent.capitalize()} does not depend on {axis} ({compared})."
+        yield f"{spent[0].upper()}{spent[1:]} does not depend on {axis} ({compared})."
         return
     told = ", ".join(f"{label} {mean / least:.3g}" for label, mean in others)
     how = f"geometric mean of {metric.each(axis)}{metric.left_out}"
@@ -167,8 +170,8 @@ def _violated(metric: _Metric, axis: str) -> Iterator[str]:
 def _geometric(metric: _Metric, axis: str) -> dict[str, float]:
     """Geometric mean of a metric by label along an axis."""
     values = metric.along(axis)
-    means = np.exp(xr.DataArray(np.log(values)).mean([name for name in values.dims if name != axis]))
-    return {word(label): float(mean) for label, mean in zip(means[axis].values, means.values, strict=True)}
+    means = xr.DataArray(np.log(values)).mean([name for name in values.dims if name != axis])
+    return {word(label): float(np.exp(mean)) for label, mean in zip(means[axis].values, means.values, strict=True)}
 
 
 def _order(labels: np.ndarray, means: np.ndarray) -> float | None:

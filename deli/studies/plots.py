@@ -34,14 +34,13 @@ def first_look(study: xr.Dataset) -> list[Plot]:
     numeric = [name for name in axes if np.issubdtype(study[name].dtype, np.number)]
     by = next((name for name in axes if name not in numeric), None)
     error = "trajectory_error" if study["trajectory_error"].notnull().any() else "energy_band"
+    cost = "cpu_time" if "cpu_time" in study else "wall_time"
     plots: list[Plot] = [
-        Pareto(
-            title="Which case is worth its time", x="wall_time", y=error, by=by or next(iter(axes), None), panels=panels
-        )
+        Pareto(title="Which case is worth its time", x=cost, y=error, by=by or next(iter(axes), None), panels=panels)
     ]
     for along in numeric:
         title = f"Error against time along {along}"
-        plots.append(WorkPrecision(title=title, cost="wall_time", error=error, along=along, by=by, panels=panels))
+        plots.append(WorkPrecision(title=title, cost=cost, error=error, along=along, by=by, panels=panels))
     if len(axes) > 1:
         x, y = sorted(axes, key=lambda name: -study.sizes[name])[:2]
         plots.append(HeatMap(title="Where it works", x=x, y=y, value=error, panels=panels))

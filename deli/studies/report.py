@@ -29,7 +29,8 @@ DPI = 110
 MOST_ROWS = 1000
 COLUMNS = (
     "energy_band", "energy_drift", "momentum_error", "angular_momentum_error", "violation_worst", "equality_residual",
-    "trajectory_error", "smooth_contacts", "solves", "verified_solves", "iterations", "solver_time", "wall_time",
+    "trajectory_error", "smooth_contacts", "solves", "verified_solves", "iterations", "solver_time", "cpu_time",
+    "recording_time", "wall_time",
 )  # fmt: skip
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; }
@@ -127,7 +128,7 @@ def _cases(study: xr.Dataset) -> str:
     names = sorted((str(name) for name in study["state"].dims), key=lambda name: name != SCENE)
     axes = [name for name in names if study.sizes[name] > 1] or names[:1]
     study = study.isel({name: 0 for name in names if name not in axes}).transpose(*axes)
-    shown = [name for name in COLUMNS if study[name].notnull().any()]
+    shown = [name for name in COLUMNS if name in study and study[name].notnull().any()]
     if study["state"].size <= MOST_ROWS:
         return _table([*axes, "state", *shown], list(_rows(study, axes, shown)))
     kept = list(axes)
@@ -171,7 +172,7 @@ def _failures(study: xr.Dataset) -> str:
 
 
 def _definitions(study: xr.Dataset) -> str:
-    shown = [name for name in COLUMNS if study[name].notnull().any()]
+    shown = [name for name in COLUMNS if name in study and study[name].notnull().any()]
     rows = [[f"`{name}`", study[name].attrs["long_name"], study[name].attrs["units"]] for name in shown]
     note = "L, M and T are the scene's own units of length, mass and time; s is seconds, 1 a pure number."
     return f"{_table(['metric', 'meaning', 'units'], rows)}\n\n{note}"
