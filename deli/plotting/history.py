@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from deli.errors import InputError
-from deli.metrics import energy_drift, momentum_components
+from deli.metrics import energy_drift, momentum_components, undecided_momenta
 from deli.plotting.lines import color, draw_dots, draw_line, layers, legend_above, scale_log, unit
 from deli.recording.schema import STATS, TRAJECTORY, dataset_of
 
@@ -57,7 +57,8 @@ def draw_momenta(axes: Axes, run: xr.DataTree) -> None:
         over = layers([float(np.ptp(values)) for values in momenta.values()])
         for index, (name, values) in enumerate(momenta.items()):
             draw_line(axes, time, values, color(index), _symbol(name), zorder=over[index])
-        axes.set_title("momenta (none is conserved)")
+        unknown = ", ".join(map(_symbol, undecided_momenta(run)))
+        axes.set_title(f"momenta ({f'unknown whether conserved: {unknown}' if unknown else 'none is conserved'})")
         axes.set_ylabel(
             "p [M L T⁻¹]\nL [M L² T⁻¹]" if "angular_momentum" in dataset_of(run, TRAJECTORY) else "p\n[M L T⁻¹]"
         )
