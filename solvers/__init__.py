@@ -1,6 +1,7 @@
 """Compile a parametrized cvxpy problem once, solve it many times with any backend."""
 
 from solvers.backends.base import Answer, Backend
+from solvers.code_folder import reserve as _reserve
 from solvers.compiled import CompiledProblem, compile
 from solvers.errors import BackendError, NotInstalledError, ParameterError, SolverError, UnknownBackendError
 from solvers.method import register_solve_method
@@ -9,6 +10,8 @@ from solvers.registry import BackendInfo, able, available, backends, can, member
 from solvers.solution import Solution, Status
 
 PROJECT = "deli"
+
+_reserve()
 
 __all__ = [
     "PROJECT",

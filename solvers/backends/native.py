@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from solvers import tolerances
 from solvers.absorbed import absorbed
 from solvers.backends.base import Answer, Backend, refuse_unknown
+from solvers.kept import kept
 from solvers.native import project_within
 from solvers.program import Matrix, QuadraticProgram
 from solvers.solution import Status
@@ -78,7 +78,7 @@ def _entries(matrix: Matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return tuple(array[order].astype(np.int64) for array in (matrix.indices, columns, places))  # type: ignore[return-value]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept(nogil=True, error_model="numpy")
 def _solve(
     P_row: np.ndarray,
     P_column: np.ndarray,
