@@ -59,7 +59,7 @@ def simulate_ensemble(
     workers : int
         Threads; as many as there are cores for this process if left out.
     progress : bool
-        Show a bar on a terminal.
+        Show a bar, on a terminal or in a notebook.
     output : path, optional
         A netCDF file to write once at the end, to be opened by `xarray.open_datatree`.
     overwrite : bool
@@ -100,7 +100,7 @@ def simulate_ensemble(
     gathering = ensemble.Gathering(len(members), plan.rows, schema)
     crew = Crew(plan, members, gathering, count)
     attributes = _attributes(plan, members)
-    with StopRequests() as stop, ProgressBar(attributes["title"], plan.steps * len(members), 0, progress) as bar:
+    with StopRequests() as stop, ProgressBar(_label(members), plan.steps * len(members), 0, progress) as bar:
         crew.run(stop, bar)
     finished = sum(outcome == COMPLETE for outcome in crew.outcomes)
     interrupted = any(outcome.startswith(INTERRUPTED) for outcome in crew.outcomes)
@@ -151,6 +151,11 @@ def _check_workers(workers: int | None) -> int:
     return int(workers)
 
 
+def _label(scenes: list[Scene]) -> str:
+    name = scenes[0].name if ensemble.same(scenes, "name") else provenance.CUSTOM
+    return f"{len(scenes)} x {name}"
+
+
 def _attributes(plan: Plan, scenes: list[Scene]) -> dict[str, Any]:
     """Root attributes that are known at the start."""
     first, config = scenes[0], plan.config()
@@ -161,11 +166,10 @@ def _attributes(plan: Plan, scenes: list[Scene]) -> dict[str, Any]:
         for key, value in first.parameters.items()
         if key not in states and all(key in scene.parameters and scene.parameters[key] == value for scene in scenes)
     }
-    name = first.name if ensemble.same(scenes, "name") else provenance.CUSTOM
     config["scene"] = provenance.plain(
         {
             "name": "ensemble",
-            "label": f"{len(scenes)} x {name}",
+            "label": _label(scenes),
             "members": len(scenes),
             "dimension": first.dimension,
             **common,

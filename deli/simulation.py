@@ -64,7 +64,7 @@ def simulate(
         starts to the solvers' tolerance. Starts anew where there is no such file, returns the run where it is finished,
         refuses another configuration.
     progress : bool
-        Show a bar on a terminal.
+        Show a bar, on a terminal or in a notebook.
     contact_tolerance : float
         Scaled tolerance of "the gap is zero".
     overwrite : bool
