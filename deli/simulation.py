@@ -12,6 +12,7 @@ from deli.errors import InputError
 from deli.mechanics.scene import Scene
 from deli.recording import provenance
 from deli.recording.reading import read, read_subproblems
+from deli.recording.scene_record import require_same_scene
 from deli.recording.schema import build_tree
 from deli.running.plan import Plan, make_plan
 from deli.running.session import Session
@@ -62,7 +63,8 @@ def simulate(
     resume : bool
         Continue ``<output>.partial`` after its last committed row, to the bit as if it had not stopped; with warm
         starts to the solvers' tolerance. Starts anew where there is no such file, returns the run where it is finished,
-        refuses another configuration.
+        refuses another configuration and another scene, naming the family and the array that differ. Of functions in
+        Python only values and derivatives at some states near the initial one are compared, and a log line says so.
     progress : bool
         Show a bar, on a terminal or in a notebook.
     contact_tolerance : float
@@ -159,5 +161,6 @@ def run_plan(plan: Plan, progress: bool | Callable[[int], None] = False) -> xr.D
     if plan.resume and plan.output is not None and plan.output.exists():
         run = open_run(plan.output)
         provenance.require_same(run.attrs["config"], config, plan.output)
+        require_same_scene(run.attrs, plan.scene, plan.output)
         return run
     return Session(plan, config, progress).run()

@@ -82,7 +82,7 @@ def trajectory(run: xr.DataTree, scene: Scene | None = None, ax: Axes | None = N
     Raises
     ------
     InputError
-        If the scene is not the run's, or the axes have another dimension.
+        If the scene is not the run's, by the digest of its content, or the axes have another dimension.
     """
     with matplotlib.rc_context(STYLE):
         if ax is not None:
@@ -112,7 +112,7 @@ def save(run: xr.DataTree, path: str | os.PathLike[str], scene: Scene | None = N
     Raises
     ------
     InputError
-        If the file cannot be written or its format is unknown.
+        If the file cannot be written, its format is unknown, or the scene is not the run's.
     """
     check_picture(Path(path))
     # Margins of logarithmic axes about the largest numbers overflow, which matplotlib sees to.

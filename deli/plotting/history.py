@@ -9,7 +9,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from deli.errors import InputError
 from deli.metrics import energy_drift, momentum_components
-from deli.plotting.lines import color, draw_line, draw_worst, legend_above, scale_log, unit
+from deli.plotting.lines import color, draw_dots, draw_line, layers, legend_above, scale_log, unit
 from deli.recording.schema import STATS, TRAJECTORY, dataset_of
 
 RESIDUALS = ("primal_residual", "dual_residual", "complementarity")
@@ -53,8 +53,10 @@ def draw_momenta(axes: Axes, run: xr.DataTree) -> None:
     time = dataset_of(run, TRAJECTORY)["time"].values
     conserved = momentum_components(run, conserved=True)
     if not conserved:
-        for index, (name, values) in enumerate(momentum_components(run, conserved=False).items()):
-            draw_line(axes, time, values, color(index), _symbol(name))
+        momenta = momentum_components(run, conserved=False)
+        over = layers([float(np.ptp(values)) for values in momenta.values()])
+        for index, (name, values) in enumerate(momenta.items()):
+            draw_line(axes, time, values, color(index), _symbol(name), zorder=over[index])
         axes.set_title("momenta (none is conserved)")
         axes.set_ylabel(
             "p [M L T⁻¹]\nL [M L² T⁻¹]" if "angular_momentum" in dataset_of(run, TRAJECTORY) else "p\n[M L T⁻¹]"
@@ -62,7 +64,7 @@ def draw_momenta(axes: Axes, run: xr.DataTree) -> None:
         legend_above(axes)
         return
     for index, (name, values) in enumerate(conserved.items()):
-        draw_worst(axes, time, np.abs(values - values[0]), color(index), _symbol(name))
+        draw_dots(axes, time, np.abs(values - values[0]), color(index), _symbol(name))
     scale_log(axes, "none: conserved to the last bit")
     axes.set_title("error of conserved momenta")
     errors = {"p": "|p − p(0)| [M L T⁻¹]", "L": "|L − L(0)| [M L² T⁻¹]"}
@@ -96,9 +98,10 @@ def draw_residuals(axes: Axes, run: xr.DataTree) -> None:
     trajectory, stats = dataset_of(run, TRAJECTORY), dataset_of(run, STATS)
     time = trajectory["time"].values
     measured = np.fmax.reduce([stats[name].values for name in RESIDUALS])
+    over = layers(np.count_nonzero(measured > 0.0, axis=0).tolist())
     for index, name in enumerate(stats["subproblem"].values):
-        draw_worst(axes, time[1:], measured[:, index], color(index), str(name))
-    draw_worst(axes, time, trajectory["equality_residual"].values, "0.55", "|f(q)| [L]", zorder=1.5)
+        draw_dots(axes, time[1:], measured[:, index], color(index), str(name), zorder=over[index])
+    draw_dots(axes, time, trajectory["equality_residual"].values, "0.55", "|f(q)| [L]", zorder=1.5)
     scale_log(axes, "none: nothing was solved")
     if axes.has_data():
         _draw_tolerances(axes, run)

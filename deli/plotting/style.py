@@ -12,7 +12,7 @@ from deli.errors import InputError
 from deli.mechanics.scene import Scene
 from deli.recording.paths import check_name
 from deli.recording.provenance import scene_of
-from deli.recording.schema import TRAJECTORY, dataset_of
+from deli.recording.scene_record import require_scene_of
 
 STYLE: Any = {
     "axes.spines.top": False,
@@ -54,16 +54,11 @@ def known_scene(run: xr.DataTree, scene: Scene | None) -> Scene | None:
     Raises
     ------
     InputError
-        If the given scene has not as many bodies and dimensions as the run.
+        If the given scene is not the run's.
     """
     if scene is None:
         return scene_of(run)
-    sizes = dataset_of(run, TRAJECTORY).sizes
-    if (scene.dof, scene.dimension) != (sizes["dof"], sizes["axis"]):
-        raise InputError(
-            f"scene: found {scene.bodies} bodies in {scene.dimension} dimensions; the run has "
-            f"{sizes['dof'] // sizes['axis']} in {sizes['axis']}. Pass the scene that was run."
-        )
+    require_scene_of(run, scene)
     return scene
 
 

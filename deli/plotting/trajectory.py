@@ -11,17 +11,17 @@ from matplotlib.patches import Circle
 from deli.errors import InputError
 from deli.mechanics.scene import Scene
 from deli.plotting import shapes
-from deli.plotting.lines import COLORS, POINTS, color, draw_line, legend_below, unit
+from deli.plotting.lines import COLORS, color, draw_line, draw_track, legend_below, unit
 from deli.recording.schema import TRAJECTORY, dataset_of
 
-RECENT, CLOSE_UP, PATH_POINTS = 400, 300, 20_000
+RECENT, CLOSE_UP, LONG = 400, 300, 6000
 
 
 def draw_trajectory(figure: Figure | SubFigure, run: xr.DataTree, scene: Scene | None) -> None:
     """Draw a run's positions with the scene's walls, rods, springs and radii, as far as they are known."""
     recorded = dataset_of(run, TRAJECTORY)
     rows, dimension = recorded.sizes["time"], recorded.sizes["axis"]
-    if dimension == 1 and rows > POINTS:
+    if dimension == 1 and rows > LONG:
         axes, close_up = figure.subplots(2, 1)
         draw_paths(axes, run, scene)
         draw_paths(close_up, run, scene, CLOSE_UP)
@@ -130,14 +130,20 @@ def sphere() -> np.ndarray:
 
 def _draw_paths(axes: Any, paths: np.ndarray) -> None:
     """Draw the whole of each path palely, its last part strongly, its start open and its end filled."""
-    stride = max(1, len(paths) // PATH_POINTS)
     for body in range(paths.shape[1]):
         path, hue = paths[:, body], color(body)
         if len(paths) > RECENT:
-            axes.plot(*path[::stride].T, color=hue, alpha=0.25, linewidth=0.4)
-        axes.plot(*path[-RECENT:].T, color=hue, linewidth=0.9)
+            _draw_path(axes, path, hue, alpha=0.25, linewidth=0.4)
+        _draw_path(axes, path[-RECENT:], hue, linewidth=0.9)
         axes.plot(*path[:1].T, color=hue, marker="o", markerfacecolor="none", markersize=5, linestyle="none")
         axes.plot(*path[-1:].T, color=hue, marker="o", markersize=5, linestyle="none", label=f"body {body}")
+
+
+def _draw_path(axes: Any, path: np.ndarray, hue: str, **style: Any) -> None:
+    if path.shape[1] == 2:
+        draw_track(axes, path, hue, **style)
+    else:
+        axes.plot(*path.T, color=hue, **style)
 
 
 def draw_links(axes: Any, scene: Scene, bodies: np.ndarray) -> None:

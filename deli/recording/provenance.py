@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import importlib.metadata
+import logging
 import os
 import platform
 import re
@@ -17,7 +18,7 @@ import tomli_w
 from deli import scenes
 from deli.errors import InputError
 from deli.mechanics import symmetry
-from deli.mechanics.constraints import ConstraintFamily, SearchedFamily
+from deli.mechanics.content import scene_digest
 from deli.mechanics.scene import Scene
 from deli.recording.schema import AXES, CONVENTIONS, TRAJECTORY, UNITS_NOTE
 from deli.subproblems.choices import parse_choices
@@ -28,13 +29,17 @@ if TYPE_CHECKING:
 
 CUSTOM = "custom"
 NONE_USED = "none used"
+SOFTWARE = ("deli_version", "cvxpy_version", "numpy_version", "python_version", "machine")
+BETWEEN_SESSIONS = "; "
+
+logger = logging.getLogger("deli")
 
 
 def describe(scene: Scene, method: Any, **settings: Any) -> dict[str, Any]:
     """Everything that decides what a run computes, in the words of a config file.
 
     A scene that its registered name and parameters do not reproduce (a user's own, or one changed afterwards) is
-    called ``custom`` and described by its initial state; its functions cannot be written down.
+    called ``custom``: its content is in the attribute ``scene``, see `deli.recording.scene_record`.
 
     Parameters
     ----------
@@ -155,6 +160,23 @@ def now() -> str:
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
+def continued(recorded: Mapping[str, Any], attributes: Mapping[str, Any], path: object) -> dict[str, Any]:
+    """Root attributes of a run that goes on: those of its beginning, with the software and machines of all sessions.
+
+    Another version of deli or numpy is no other run, but its rows need not be the same to the bit: a log line says so.
+    """
+    found = {key: recorded.get(key, value) for key, value in attributes.items()} | {"outcome": attributes["outcome"]}
+    for key in SOFTWARE:
+        sessions = str(found[key]).split(BETWEEN_SESSIONS)
+        if attributes[key] not in sessions:
+            logger.warning(
+                "%s goes on with another %s, %s after %s: its rows may differ from those of one session by rounding",
+                *(path, key, attributes[key], found[key]),
+            )
+            found[key] = BETWEEN_SESSIONS.join([*sessions, attributes[key]])
+    return found
+
+
 def require_same(recorded: str, config: Mapping[str, Any], path: object) -> None:
     """Refuse to resume a run with another configuration than the file's.
 
@@ -199,44 +221,17 @@ def plain(value: Any) -> Any:
 
 @functools.lru_cache(maxsize=8)  # the cases of a study share scenes
 def _describe_scene(scene: Scene) -> dict[str, Any]:
-    if scene.name in scenes.available() and _same(scenes.get(scene.name)(**scene.parameters), scene):
+    if _registered(scene):
         return {"name": scene.name, **scene.parameters}
-    return {
-        "name": CUSTOM,
-        "label": scene.name,
-        "dimension": scene.dimension,
-        "mass": scene.mass,
-        "position": scene.position,
-        "momentum": scene.momentum,
-        "constraints": [*scene.unilateral.labels(), *scene.bilateral.labels()],
-    }
+    return {"name": CUSTOM, "label": scene.name}
 
 
-def _same(one: Scene, other: Scene) -> bool:
-    if one.dimension != other.dimension:
+def _registered(scene: Scene) -> bool:
+    """Whether a scene is one that its registered name and its parameters make again."""
+    if scene.name not in scenes.available():
         return False
-    prints = _fingerprint(one), _fingerprint(other)
-    return len(prints[0]) == len(prints[1]) and all(map(np.array_equal, *prints))
-
-
-def _fingerprint(scene: Scene) -> list[np.ndarray]:
-    q = scene.position
-    stacks = (scene.unilateral, scene.bilateral)
-    return [
-        scene.mass,
-        q,
-        scene.momentum,
-        np.asarray(scene.potential.energy(q)),
-        scene.potential.gradient(q),
-        *(array for stack in stacks for family in stack.families for array in _numbers_of(family, q)),
-    ]
-
-
-def _numbers_of(family: ConstraintFamily, q: np.ndarray) -> list[np.ndarray]:
-    """What tells constraints of one kind apart: their rows, or what functions make of q."""
-    rows = family.rows_table()
-    if rows is None:
-        return [family.value(q), family.jacobian(q)]
-    if isinstance(family, SearchedFamily) and family.searched:
-        return [*rows, np.asarray(family.distance)]
-    return list(rows)
+    try:
+        again = scenes.get(scene.name)(**scene.parameters)
+    except (InputError, TypeError, ValueError):  # parameters of the user's own
+        return False
+    return scene_digest(again) == scene_digest(scene)

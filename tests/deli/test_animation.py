@@ -140,7 +140,7 @@ class TestPlaces:
         axes = last_frame(run, scene)[0]
         np.testing.assert_allclose(artist(axes, "springs").get_segments(), [places(run, -1)])
         for draw in (animate, deli.plotting.trajectory):
-            with pytest.raises(InputError, match="scene: found 3 bodies in 2 dimensions; the run has 2 in 2"):
+            with pytest.raises(InputError, match=r"found 'newtons_cradle' \(3 bodies in 2 dimensions\); the run is of"):
                 draw(run, deli.scenes.newtons_cradle(balls=3))
 
 

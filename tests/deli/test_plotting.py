@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 import deli
 from deli.errors import InputError, StepError
 from deli.plotting import shapes
-from deli.plotting.lines import BINS, COLORS, POINTS, unit
+from deli.plotting.lines import COLORS, unit
 
 FAST = [
     deli.scenes.point_mass(),
@@ -124,17 +124,20 @@ def test_one_row_can_be_drawn(tmp_path, at_step):
         assert "no [/luck]" in deli.plotting.history(run).get_suptitle()
 
 
-def test_long_runs_are_envelopes_that_hide_no_extreme():
-    run = deli.simulate(deli.scenes.point_mass(), deli.GVI(), step_size=0.01, steps=POINTS + 1000)
-    figure = deli.plotting.history(run)
-    gap = figure.axes[2]
-    (envelope,) = gap.collections
-    vertices = envelope.get_paths()[0].vertices
-    recorded = run["trajectory"]["gap_min"].values
-    assert vertices[:, 1].min() == recorded.min()
-    assert vertices[:, 1].max() == recorded.max()
-    assert len(vertices) < 3 * BINS
-    assert all(len(line.get_xdata()) <= BINS for axes in figure.axes for line in axes.lines)
+def test_lines_hold_all_rows_of_a_long_run():
+    run = deli.simulate(deli.scenes.point_mass(), deli.GVI(), step_size=0.01, steps=7000)
+    gap = deli.plotting.history(run).axes[2]
+    np.testing.assert_array_equal(gap.lines[1].get_ydata(), run["trajectory"]["gap_min"].values)
+    assert not gap.collections
+    paths, close_up = deli.plotting.trajectory(run).axes
+    assert (len(paths.lines[0].get_xdata()), len(close_up.lines[0].get_xdata())) == (7001, 300)
+
+
+def test_wide_lines_lie_under_narrow_ones():
+    run = deli.simulate(deli.scenes.newtons_cradle(), deli.GVI(), step_size=0.01, steps=300)
+    lines = deli.plotting.momenta(run).axes[0].lines
+    widths = [np.ptp(line.get_ydata()) for line in sorted(lines, key=lambda line: line.get_zorder())]
+    assert widths == sorted(widths, reverse=True)
 
 
 def test_a_custom_scene_is_drawn_with_its_walls_when_given():
