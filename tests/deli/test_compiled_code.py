@@ -14,7 +14,7 @@ axes = { step_size = [0.01, 0.02] }
 CODE = """
 import os, subprocess, sys
 from pathlib import Path
-import deli
+import deli, solvers
 
 def made():
     return {path: path.stat().st_mtime_ns for path in Path(os.environ["DELI_TEMPORARY_CODE"]).rglob("*.nbc")}
