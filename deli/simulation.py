@@ -13,9 +13,8 @@ from deli.errors import InputError
 from deli.mechanics.scene import Scene
 from deli.metrics.uncalled import uncalled_note
 from deli.recording import provenance
-from deli.recording.reading import read, read_subproblems
+from deli.recording.reading import open_tree, read_subproblems
 from deli.recording.scene_record import require_same_scene
-from deli.recording.schema import build_tree
 from deli.running.plan import Plan, make_plan
 from deli.running.session import Session
 
@@ -71,7 +70,7 @@ def simulate(
         refuses another configuration and another scene, naming the family and the array that differ. Of functions in
         Python only values and derivatives at some states near the initial one are compared, and a log line says so.
     progress : bool
-        Show a bar on a terminal.
+        Show a bar, on a terminal or in a notebook.
     contact_tolerance : float
         Scaled tolerance of "the gap is zero".
     overwrite : bool
@@ -122,15 +121,14 @@ def simulate(
 
 
 def open_run(path: str | os.PathLike[str]) -> xr.DataTree:
-    """Open a recorded run, finished or partial; of a partial file only rows that are whole.
+    """Open a recorded run, finished or partial, or an ensemble; of a partial file only rows that are whole.
 
     Raises
     ------
     InputError
         If the file is missing, unreadable, or not a run recorded by deli.
     """
-    groups, attributes = read(Path(path))
-    return build_tree(groups, attributes)
+    return open_tree(Path(path))
 
 
 def load_subproblem(path: str | os.PathLike[str], index: int) -> "cp.Problem":

@@ -3,9 +3,11 @@
 import numpy as np
 import xarray as xr
 
+from deli.metrics.members import by_member
 from deli.recording.schema import STATS, TRAJECTORY, dataset_of
 
 
+@by_member
 def violation(run: xr.DataTree) -> tuple[float, float]:
     """Worst and mean violation max(0, -g) of the smallest gap over the rows [L]; nan without unilateral constraints."""
     gap = dataset_of(run, TRAJECTORY)["gap_min"].values
@@ -13,19 +15,24 @@ def violation(run: xr.DataTree) -> tuple[float, float]:
     return float(depth.max()), float(depth.mean())
 
 
+@by_member
 def complementarity(run: xr.DataTree) -> float:
     """Largest scaled complementarity residual, recomputed from the answers; nan where none was measured.
 
     That of the position update is the residual of the nonlinear system (7.3), (7.4), (7.8).
     """
+    if STATS not in run.children:
+        return np.nan
     return _largest(dataset_of(run, STATS)["complementarity"].values)
 
 
+@by_member
 def equality_residual(run: xr.DataTree) -> float:
     """Largest |f(q)| of the bilateral constraints over the rows [L]; nan without any."""
     return _largest(dataset_of(run, TRAJECTORY)["equality_residual"].values)
 
 
+@by_member
 def contacts(run: xr.DataTree) -> tuple[float, float]:
     """Mean number of smooth contacts over the recorded steps, and the number of reflected contacts of all steps.
 

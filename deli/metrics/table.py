@@ -5,14 +5,16 @@ import xarray as xr
 
 from deli.metrics.contact import complementarity, contacts, equality_residual, violation
 from deli.metrics.energy import drift_per_impact, energy_drift, energy_range
+from deli.metrics.members import by_member
 from deli.metrics.momentum import angular_momentum_error, momentum_error
 from deli.metrics.trajectory import simulated_time, steps_taken, trajectory_error
 from deli.metrics.uncalled import uncalled_note, uncalled_solvers
-from deli.recording.schema import STATS, dataset_of
+from deli.recording.schema import MEMBER, STATS, dataset_of
 
 
+@by_member
 def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Dataset:
-    """Every metric of a run, as a dataset of scalars with units and long names.
+    """Every metric of a run, as a dataset of scalars with units and long names; of an ensemble, along ``member``.
 
     Parameters
     ----------
@@ -29,11 +31,12 @@ def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Datase
         ``reflected_contacts`` as `contacts` gives them; summed over subproblems ``solves``, ``skipped``,
         ``iterations``, ``fallbacks``, ``claimed_solves`` (the solver says so), ``verified_solves`` (recomputed
         residuals say so), ``solver_time``, ``overhead_time``; ``uncalled_solvers``; ``wall_time``; ``steps``,
-        ``simulated_time``. Its attribute ``note`` is what `uncalled_note` says, if anything.
+        ``simulated_time``. Its attribute ``note`` is what `uncalled_note` says, if anything. Numbers that were not recorded
+        are nan: sums over subproblems without ``solver_stats``, and the wall time of a member of an ensemble.
     """
     slope, low, worst = energy_drift(run), energy_range(run), violation(run)
     held, struck = contacts(run)
-    stats = dataset_of(run, STATS)
+    stats = dataset_of(run, STATS) if STATS in run.children else None
     values: dict[str, float] = {
         "energy_drift": slope.slope,
         "energy_drift_error": slope.error,
@@ -50,9 +53,9 @@ def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Datase
         "trajectory_error": np.nan if reference is None else trajectory_error(run, reference),
         "smooth_contacts": held,
         "reflected_contacts": struck,
-        **{name: float(stats[recorded].values.sum()) for name, recorded in _SUMS.items()},
+        **{name: np.nan if stats is None else float(stats[part].values.sum()) for name, part in _SUMS.items()},
         "uncalled_solvers": float(len(uncalled_solvers(run))),
-        "wall_time": float(run.attrs.get("wall_time", np.nan)),
+        "wall_time": np.nan if MEMBER in run.coords else float(run.attrs.get("wall_time", np.nan)),
         "steps": float(steps_taken(run)),
         "simulated_time": simulated_time(run),
     }

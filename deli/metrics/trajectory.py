@@ -6,9 +6,11 @@ import numpy as np
 import xarray as xr
 
 from deli.errors import InputError
+from deli.metrics.members import by_member
 from deli.recording.schema import TRAJECTORY, dataset_of
 
 
+@by_member
 def trajectory_error(run: xr.DataTree, reference: xr.DataTree) -> float:
     """Largest root mean square over the degrees of freedom of q - q_ref, over the times that both recorded [L].
 
@@ -41,12 +43,14 @@ def common_times(mine: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.nd
     return np.flatnonzero(same), nearest[same]
 
 
+@by_member
 def steps_taken(run: xr.DataTree) -> int:
     """Integration steps until the last recorded row, however many lie between two rows."""
     step_size = tomllib.loads(run.attrs["config"])["step_size"]
     return round(simulated_time(run) / step_size)
 
 
+@by_member
 def simulated_time(run: xr.DataTree) -> float:
     """Time of the last recorded row [T]."""
     return float(dataset_of(run, TRAJECTORY)["time"].values[-1])

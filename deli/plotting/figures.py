@@ -17,6 +17,7 @@ from deli.plotting.history import draw_energy, draw_gaps, draw_history, draw_mom
 from deli.plotting.profiles import draw_profile, draw_replay
 from deli.plotting.style import STYLE, check_folder, known_scene, new_figure, run_title
 from deli.plotting.trajectory import draw_paths, draw_trajectory, tells_apart
+from deli.recording.members import is_ensemble
 from deli.recording.whole import replacing
 
 SUFFIXES = (".png", ".pdf", ".svg")
@@ -29,7 +30,8 @@ def history(run: xr.DataTree) -> Figure:
     Parameters
     ----------
     run : xarray.DataTree
-        From `deli.simulate` or `deli.open_run`.
+        From `deli.simulate`, `deli.simulate_ensemble` or `deli.open_run`. Of an ensemble of up to eight members each is
+        a line, with its labels; of more, their median and the band from the smallest to the largest.
 
     Returns
     -------
@@ -82,7 +84,8 @@ def trajectory(run: xr.DataTree, scene: Scene | None = None, ax: Axes | None = N
     Raises
     ------
     InputError
-        If the scene is not the run's, by the digest of its content, or the axes have another dimension.
+        If the scene is not the run's, by the digest of its content, the axes have another dimension, or the run is an
+        ensemble.
     """
     with matplotlib.rc_context(STYLE):
         if ax is not None:
@@ -107,7 +110,7 @@ def _panel(draw: Callable[[Axes, xr.DataTree], None], run: xr.DataTree, ax: Axes
 
 
 def save(run: xr.DataTree, path: str | os.PathLike[str], scene: Scene | None = None) -> None:
-    """Draw history and trajectory side by side into a file.
+    """Draw history and trajectory side by side into a file; of an ensemble only the history.
 
     Raises
     ------
@@ -117,6 +120,9 @@ def save(run: xr.DataTree, path: str | os.PathLike[str], scene: Scene | None = N
     check_picture(Path(path))
     # Margins of logarithmic axes about the largest numbers overflow, which matplotlib sees to.
     with matplotlib.rc_context(STYLE), np.errstate(over="ignore"):
+        if is_ensemble(run):
+            write_picture(history(run), Path(path))
+            return
         figure = new_figure((13.5, 7.6))
         left, right = figure.subfigures(1, 2, width_ratios=(1.15, 1.0), wspace=0.04, squeeze=False)[0]
         draw_history(left, run)

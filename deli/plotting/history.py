@@ -9,18 +9,21 @@ from matplotlib.figure import Figure, SubFigure
 
 from deli.errors import InputError
 from deli.metrics import energy_drift, momentum_components, undecided_momenta
+from deli.plotting.ensembles import draw_all_gaps, draw_all_momenta, draw_energies, worst_residuals
 from deli.plotting.lines import color, draw_dots, draw_line, layers, legend_above, scale_log, unit
+from deli.recording.members import is_ensemble
 from deli.recording.schema import STATS, TRAJECTORY, dataset_of
 
 RESIDUALS = ("primal_residual", "dual_residual", "complementarity")
 
 
 def draw_history(figure: Figure | SubFigure, run: xr.DataTree) -> None:
-    """Draw the four panels one under the other, sharing the time axis; no gap panel where there are no gaps."""
+    """Draw the panels one under the other, sharing the time axis; no gaps or residuals where there are none."""
     panels = [draw_energy, draw_momenta]
     if np.isfinite(dataset_of(run, TRAJECTORY)["gap_min"].values).any():
         panels.append(draw_gaps)
-    panels.append(draw_residuals)
+    if STATS in run.children:
+        panels.append(draw_residuals)
     column = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, draw in zip(column, panels, strict=True):
         draw(axes, run)
@@ -38,6 +41,9 @@ def set_time_axis(axes: Axes, run: xr.DataTree) -> None:
 
 def draw_energy(axes: Axes, run: xr.DataTree) -> None:
     """Draw the energy error."""
+    if is_ensemble(run):
+        draw_energies(axes, run)
+        return
     trajectory = dataset_of(run, TRAJECTORY)
     time, energy = trajectory["time"].values, trajectory["hamiltonian"].values
     axes.axhline(0.0, color="0.6", linewidth=0.7)
@@ -50,6 +56,9 @@ def draw_energy(axes: Axes, run: xr.DataTree) -> None:
 
 def draw_momenta(axes: Axes, run: xr.DataTree) -> None:
     """Draw the error of the momenta that the scene conserves, or all momenta where it conserves none."""
+    if is_ensemble(run):
+        draw_all_momenta(axes, run)
+        return
     time = dataset_of(run, TRAJECTORY)["time"].values
     conserved = momentum_components(run, conserved=True)
     if not conserved:
@@ -81,6 +90,9 @@ def draw_gaps(axes: Axes, run: xr.DataTree) -> None:
     InputError
         If the scene has no unilateral constraints.
     """
+    if is_ensemble(run):
+        draw_all_gaps(axes, run)
+        return
     trajectory = dataset_of(run, TRAJECTORY)
     time, gap = trajectory["time"].values, trajectory["gap_min"].values
     if not np.isfinite(gap).any():
@@ -95,14 +107,18 @@ def draw_gaps(axes: Axes, run: xr.DataTree) -> None:
 
 
 def draw_residuals(axes: Axes, run: xr.DataTree) -> None:
-    """Draw the scaled residuals of each subproblem, and their tolerances."""
+    """Draw the scaled residuals of each subproblem, of an ensemble the largest of members, and their tolerances."""
     trajectory, stats = dataset_of(run, TRAJECTORY), dataset_of(run, STATS)
     time = trajectory["time"].values
-    measured = np.fmax.reduce([stats[name].values for name in RESIDUALS])
+    if is_ensemble(run):
+        measured, equality = worst_residuals(run, RESIDUALS)
+    else:
+        measured = np.fmax.reduce([stats[name].values for name in RESIDUALS])
+        equality = trajectory["equality_residual"].values
     over = layers(np.count_nonzero(measured > 0.0, axis=0).tolist())
     for index, name in enumerate(stats["subproblem"].values):
         draw_dots(axes, time[1:], measured[:, index], color(index), str(name), zorder=over[index])
-    draw_dots(axes, time, trajectory["equality_residual"].values, "0.55", "|f(q)| [L]", zorder=1.5)
+    draw_dots(axes, time, equality, "0.55", "|f(q)| [L]", zorder=1.5)
     scale_log(axes, "none: nothing was solved")
     if axes.has_data():
         _draw_tolerances(axes, run)

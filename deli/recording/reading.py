@@ -6,22 +6,47 @@ of its own, which a damaged file can kill.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from deli.errors import InputError
 from deli.recording import checksums, structure
 from deli.recording.apart import load_apart
 from deli.recording.contents import LIBRARY, WALL_TIME, Contents, gather, load, open_file
 from deli.recording.netcdf import being_written
-from deli.recording.schema import POSED, TRAJECTORY, Groups
+from deli.recording.schema import MEMBER, POSED, TRAJECTORY, Groups, build_tree
 from deli.recording.seal import intact
 from deli.recording.subproblems import ORIGIN, unpack
 from deli.recording.superblock import stated_length
 from deli.recording.unfinished import Unfinished, identity_of
 from deli.subproblems.posed import PosedSubproblem
 
+if TYPE_CHECKING:
+    import xarray as xr
 
-def read(path: Path) -> tuple[Groups, dict[str, Any]]:
+
+def open_tree(path: Path) -> "xr.DataTree":
+    """Read a file as users see it: the run of `read`, or an ensemble.
+
+    Raises
+    ------
+    InputError
+        As `read`.
+    """
+    contents = contents_of(path)
+    if holds_ensemble(contents):
+        from deli.recording.ensemble_file import tree_of  # by way of xarray, which takes a second to import
+
+        return tree_of(contents, path)
+    groups, attributes = read(path, contents)
+    return build_tree(groups, attributes)
+
+
+def holds_ensemble(contents: Contents) -> bool:
+    """Whether a file is of an ensemble."""
+    return MEMBER in contents.sizes["/"] and TRAJECTORY in contents.groups
+
+
+def read(path: Path, contents: Contents | None = None) -> tuple[Groups, dict[str, Any]]:
     """Read the committed rows of a file, finished or not.
 
     Returns
@@ -37,7 +62,7 @@ def read(path: Path) -> tuple[Groups, dict[str, Any]]:
         If the file is missing, is no netCDF file, was not written by deli, or is damaged. Of a finished file that
         another program has written to since, `deli.recording.verify` says whether rows are those that were recorded.
     """
-    groups, contents = _run(path)
+    groups, contents = _run(path, contents)
     return groups, contents.attributes
 
 
@@ -63,7 +88,7 @@ def read_attributes(path: Path) -> dict[str, Any]:
     InputError
         If the file is missing, no netCDF file, or damaged.
     """
-    attributes = _contents(path, values=False).attributes
+    attributes = contents_of(path, values=False).attributes
     structure.require_attributes(attributes, path)
     return attributes
 
@@ -82,7 +107,7 @@ def read_subproblems(path: Path) -> tuple[list[PosedSubproblem], list[str]]:
     InputError
         If the file cannot be read or has no subproblems.
     """
-    contents = _contents(path)
+    contents = contents_of(path)
     if POSED not in contents.groups:
         raise InputError(
             f"{path} holds no subproblems; record them with record.subproblems = true in the config "
@@ -121,7 +146,7 @@ class Examined:
     broken: list[str] | None
 
 
-def examine(path: Path) -> Examined:
+def examine(path: Path, contents: Contents | None = None) -> Examined:
     """Read a file with what it says about itself.
 
     Raises
@@ -129,13 +154,14 @@ def examine(path: Path) -> Examined:
     InputError
         As `read`.
     """
-    groups, contents = _run(path)
+    groups, contents = _run(path, contents)
     broken = checksums.broken(contents.root, groups, len(groups[TRAJECTORY]["time"][1]))
     return Examined(groups, contents.attributes, contents.sizes[TRAJECTORY]["time"], contents.trusted, broken)
 
 
-def _run(path: Path) -> tuple[Groups, Contents]:
-    contents = _contents(path)
+def _run(path: Path, contents: Contents | None = None) -> tuple[Groups, Contents]:
+    if contents is None:
+        contents = contents_of(path)
     groups = structure.run_of(contents, path)
     if not contents.trusted:
         structure.config_of(contents.attributes, path)
@@ -148,7 +174,14 @@ def _run(path: Path) -> tuple[Groups, Contents]:
     return groups, contents
 
 
-def _contents(path: Path, values: bool = True) -> Contents:
+def contents_of(path: Path, values: bool = True) -> Contents:
+    """Return what a file holds, and whether that is as it was when it was closed.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
     if not path.exists():
         raise InputError(f"{path} does not exist.")
     if not path.is_file():

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from deli.errors import InputError
 from deli.recording.subproblems import LEFT_OUT, SUBPROBLEM_VARIABLES
 from deli.recording.variable import Variable
 from deli.subproblems.choices import SUBPROBLEMS
@@ -25,6 +26,8 @@ AXES = ("x", "y", "z")
 UNDECIDED = "undecided_momenta"
 """Attribute that names components of momentum of which it is unknown whether the scene conserves them."""
 TRAJECTORY, STATS, POSED = "trajectory", "solver_stats", "subproblems"
+MEMBER = "member"
+"""The dimension along which an ensemble has its runs."""
 
 Block = dict[str, np.ndarray]
 VariableData = tuple[tuple[str, ...], np.ndarray, dict[str, Any]]  # dims, values, attributes
@@ -208,5 +211,24 @@ def build_tree(groups: Groups, attributes: Mapping[str, Any]) -> "xr.DataTree":
 
 
 def dataset_of(run: "xr.DataTree", group: str) -> "xr.Dataset":
-    """One group of a run, with its coordinates."""
-    return run.children[group].to_dataset()
+    """One group of a run, with its coordinates; of a member of an ensemble as far as the member got.
+
+    Raises
+    ------
+    InputError
+        If the group has not been recorded.
+    """
+    if group not in run.children:
+        raise InputError(f"the run has no group {group}: it was left out when the run was recorded.")
+    found = run.children[group].to_dataset()
+    if MEMBER not in run.coords or MEMBER in found.dims or group == POSED:
+        return found
+    rows = reached(run.children[TRAJECTORY].variables["position"].values)
+    if rows == run.children[TRAJECTORY].sizes["time"]:
+        return found
+    return found.isel({"time": slice(rows)} if group == TRAJECTORY else {"step": slice(max(rows - 1, 0))})
+
+
+def reached(position: np.ndarray) -> int:
+    """Return how many rows a member of an ensemble has got to, by its positions; further ones are nan."""
+    return int(np.count_nonzero(~np.isnan(position).all(axis=-1)))

@@ -1,7 +1,6 @@
 """Whether a recorded file is what it says: schema, committed rows, finite numbers, diagnostics that follow."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,22 +8,15 @@ import xarray as xr
 
 from deli.integrators.registry import METHODS
 from deli.recording import provenance, reading, structure
+from deli.recording.ensemble_file import tree_of
+from deli.recording.finding import AGREEMENT, Finding
 from deli.recording.recorder import diagnose
 from deli.recording.schema import POSED, STATS, TRAJECTORY, Groups, Schema, build_tree, dataset_of
 from deli.recording.subproblems import LEFT_OUT, unpack
+from deli.recording.verify_ensemble import verify_ensemble
 from deli.subproblems.stats import RESIDUALS
 
-AGREEMENT = 1e-9
 MAY_BE_NAN = ("gap_min", "equality_residual", "primal_residual", "dual_residual", "complementarity")
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that was checked: what, whether it holds (None: could not be checked), and what was seen."""
-
-    what: str
-    holds: bool | None
-    seen: str
 
 
 def verify(path: Path) -> list[Finding]:
@@ -35,7 +27,10 @@ def verify(path: Path) -> list[Finding]:
     InputError
         If it cannot be read at all, or was not recorded by deli.
     """
-    found = reading.examine(path)
+    contents = reading.contents_of(path)
+    if reading.holds_ensemble(contents):
+        return verify_ensemble(tree_of(contents, path), contents.trusted)
+    found = reading.examine(path, contents)
     groups, attributes = found.groups, found.attributes
     run = build_tree(groups, attributes)
     config = structure.config_of(attributes, path)

@@ -152,6 +152,8 @@ class Session:
 
     def _advance(self, stop: StopRequests) -> str:
         plan, block = self._plan, self._recorder.block
+        if self._report is not None:
+            self._report(self._step)
         while self._step < plan.steps:
             if stop.reason is not None:
                 return f"{INTERRUPTED} by {stop.reason} after step {self._step}"

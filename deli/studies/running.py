@@ -48,7 +48,7 @@ class Watcher(Protocol):
         """A run begins."""
 
     def step(self, decision: Decision, step: int) -> None:
-        """A run is at a step."""
+        """A run is at a step; the first word of this comes when it begins to take steps, compiled and loaded."""
 
     def ended(self, decision: Decision, record: dict[str, Any]) -> None:
         """A run has ended."""
