@@ -164,7 +164,7 @@ def _attributes(plan: Plan, scenes: list[Scene]) -> dict[str, Any]:
     name = first.name if ensemble.same(scenes, "name") else provenance.CUSTOM
     config["scene"] = provenance.plain(
         {
-            "name": "ensemble",
+            "name": provenance.ENSEMBLE,
             "label": f"{len(scenes)} x {name}",
             "members": len(scenes),
             "dimension": first.dimension,
