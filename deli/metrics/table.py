@@ -6,7 +6,7 @@ import xarray as xr
 from deli.metrics.contact import complementarity, contacts, equality_residual, violation
 from deli.metrics.energy import drift_per_impact, energy_drift, energy_range
 from deli.metrics.momentum import angular_momentum_error, momentum_error
-from deli.metrics.trajectory import simulated_time, steps_taken, trajectory_error
+from deli.metrics.trajectory import has_all_steps, simulated_time, steps_taken, trajectory_error
 from deli.recording.schema import STATS, dataset_of
 
 
@@ -27,11 +27,13 @@ def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Datase
         ``violation_mean``; ``complementarity``, ``equality_residual``, ``trajectory_error``; ``smooth_contacts`` and
         ``reflected_contacts`` as `contacts` gives them; summed over subproblems ``solves``, ``skipped``,
         ``iterations``, ``fallbacks``, ``claimed_solves`` (the solver says so), ``verified_solves`` (recomputed
-        residuals say so), ``solver_time``, ``overhead_time``; ``wall_time``; ``steps``, ``simulated_time``.
+        residuals say so), ``solver_time``, ``overhead_time``; ``wall_time``; ``steps``, ``simulated_time``. Sums are
+        nan where rows, or steps, have been left out since the run was recorded.
     """
     slope, low, worst = energy_drift(run), energy_range(run), violation(run)
     held, struck = contacts(run)
     stats = dataset_of(run, STATS)
+    whole = has_all_steps(run)
     values: dict[str, float] = {
         "energy_drift": slope.slope,
         "energy_drift_error": slope.error,
@@ -48,7 +50,7 @@ def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Datase
         "trajectory_error": np.nan if reference is None else trajectory_error(run, reference),
         "smooth_contacts": held,
         "reflected_contacts": struck,
-        **{name: float(stats[recorded].values.sum()) for name, recorded in _SUMS.items()},
+        **{name: float(stats[recorded].values.sum()) if whole else np.nan for name, recorded in _SUMS.items()},
         "wall_time": float(run.attrs.get("wall_time", np.nan)),
         "steps": float(steps_taken(run)),
         "simulated_time": simulated_time(run),

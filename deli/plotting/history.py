@@ -9,6 +9,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from deli.errors import InputError
 from deli.metrics import energy_drift, momentum_components
+from deli.metrics.trajectory import step_times
 from deli.plotting.lines import color, draw_line, draw_worst, legend_above, scale_log, unit
 from deli.recording.schema import STATS, TRAJECTORY, dataset_of
 
@@ -95,9 +96,9 @@ def draw_residuals(axes: Axes, run: xr.DataTree) -> None:
     """Draw the scaled residuals of each subproblem, and their tolerances."""
     trajectory, stats = dataset_of(run, TRAJECTORY), dataset_of(run, STATS)
     time = trajectory["time"].values
-    measured = np.fmax.reduce([stats[name].values for name in RESIDUALS])
+    measured, ends = np.fmax.reduce([stats[name].values for name in RESIDUALS]), step_times(run)
     for index, name in enumerate(stats["subproblem"].values):
-        draw_worst(axes, time[1:], measured[:, index], color(index), str(name))
+        draw_worst(axes, ends, measured[:, index], color(index), str(name))
     draw_worst(axes, time, trajectory["equality_residual"].values, "0.55", "|f(q)| [L]", zorder=1.5)
     scale_log(axes, "none: nothing was solved")
     if axes.has_data():
