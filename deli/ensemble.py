@@ -175,7 +175,7 @@ def _attributes(plan: Plan, scenes: list[Scene], solver_stats: bool) -> dict[str
     }
     config["scene"] = provenance.plain(
         {
-            "name": "ensemble",
+            "name": provenance.ENSEMBLE,
             "label": _label(scenes),
             "members": len(scenes),
             "dimension": first.dimension,

@@ -13,6 +13,7 @@ from deli.errors import InputError
 from deli.mechanics.scene import Scene
 from deli.metrics.uncalled import uncalled_note
 from deli.recording import provenance
+from deli.recording.holding import require_locks
 from deli.recording.reading import open_tree, read_subproblems
 from deli.recording.scene_record import require_same_scene
 from deli.running.plan import Plan, make_plan
@@ -58,7 +59,7 @@ def simulate(
     output : path, optional
         A netCDF file to record to. Rows are in ``<output>.partial`` until the run ends, at most a second of work (ten
         seconds where 256 rows take longer) behind it; then the file gets its own name. Without `output` the run is
-        kept in memory.
+        kept in memory, which all platforms can; files take POSIX locks.
     every : int
         Record the initial state, every `every`-th step, and the last step whether or not `every` divides `steps`.
     skip : bool
@@ -169,4 +170,6 @@ def run_plan(plan: Plan, progress: bool | Callable[[int], None] = False) -> xr.D
         provenance.require_same(run.attrs["config"], config, plan.output)
         require_same_scene(run.attrs, plan.scene, plan.output)
         return run
+    if plan.output is not None:
+        require_locks(plan.output)
     return Session(plan, config, progress).run()

@@ -1,7 +1,6 @@
 """One case of `deli.bench.scaling`, in a process of its own: ``python -m deli.bench.scaling_case SCENE N SECONDS``."""
 
 import json
-import resource
 import sys
 import time
 from typing import Any
@@ -60,6 +59,8 @@ def measure(name: str, bodies: int, seconds: float) -> Row:
     elapsed = time.perf_counter() - began
     searched, solved = stepper.search_seconds - searched_before, _solver_seconds(block, stepper) - solved_before
     steps = int(progress[0]) - warmed
+    import resource  # of POSIX systems
+
     peak = 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024.0 if sys.platform == "darwin" else 1.0)
     if error is not None:
         return {"failed": f"step {int(progress[0]) + 1}: {error}", "simulated": scene.bodies}

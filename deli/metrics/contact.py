@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 
 from deli.metrics.members import by_member
+from deli.metrics.trajectory import intervals
 from deli.recording.schema import STATS, TRAJECTORY, dataset_of
 
 
@@ -36,11 +37,13 @@ def equality_residual(run: xr.DataTree) -> float:
 def contacts(run: xr.DataTree) -> tuple[float, float]:
     """Mean number of smooth contacts over the recorded steps, and the number of reflected contacts of all steps.
 
-    They tell a contact that lasts from one that bounces; nan and 0 for a run without a step.
+    They tell a contact that lasts from one that bounces; nan and 0 for a run without a step. Where rows have been left
+    out since the run was recorded, their reflections are, too, and the number is nan.
     """
     trajectory = dataset_of(run, TRAJECTORY)
-    held = trajectory["smooth_contacts"].values[1:]
-    return float(held.mean()) if held.size else np.nan, float(trajectory["reflected_contacts"].values.sum())
+    held, struck = trajectory["smooth_contacts"].values[1:], trajectory["reflected_contacts"].values
+    whole = len(struck) == intervals(run) + 1
+    return float(held.mean()) if held.size else np.nan, float(struck.sum()) if whole else np.nan
 
 
 def _largest(values: np.ndarray) -> float:

@@ -7,7 +7,7 @@ from deli.metrics.contact import complementarity, contacts, equality_residual, v
 from deli.metrics.energy import drift_per_impact, energy_drift, energy_range
 from deli.metrics.members import by_member
 from deli.metrics.momentum import angular_momentum_error, momentum_error
-from deli.metrics.trajectory import simulated_time, steps_taken, trajectory_error
+from deli.metrics.trajectory import has_all_steps, simulated_time, steps_taken, trajectory_error
 from deli.metrics.uncalled import uncalled_note, uncalled_solvers
 from deli.recording.schema import MEMBER, STATS, dataset_of
 
@@ -31,12 +31,13 @@ def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Datase
         ``reflected_contacts`` as `contacts` gives them; summed over subproblems ``solves``, ``skipped``,
         ``iterations``, ``fallbacks``, ``claimed_solves`` (the solver says so), ``verified_solves`` (recomputed
         residuals say so), ``solver_time``, ``overhead_time``; ``uncalled_solvers``; ``wall_time``; ``steps``,
-        ``simulated_time``. Its attribute ``note`` is what `uncalled_note` says, if anything. Numbers that were not recorded
-        are nan: sums over subproblems without ``solver_stats``, and the wall time of a member of an ensemble.
+        ``simulated_time``. Its attribute ``note`` is the text of `uncalled_note`, if there is one. Sums are nan where
+        ``solver_stats`` were not recorded, and where rows, or steps, have been left out since. The wall time of a
+        member of an ensemble is nan.
     """
     slope, low, worst = energy_drift(run), energy_range(run), violation(run)
     held, struck = contacts(run)
-    stats = dataset_of(run, STATS) if STATS in run.children else None
+    stats = dataset_of(run, STATS) if STATS in run.children and has_all_steps(run) else None
     values: dict[str, float] = {
         "energy_drift": slope.slope,
         "energy_drift_error": slope.error,

@@ -5,6 +5,8 @@ from dataclasses import asdict
 
 import xarray as xr
 
+from deli.metrics.trajectory import has_all_steps
+from deli.recording.members import is_ensemble
 from deli.recording.provenance import plain
 from deli.recording.schema import STATS, dataset_of
 from deli.subproblems.choices import SolverChoice
@@ -25,7 +27,7 @@ def uncalled_solvers(run: xr.DataTree) -> list[str]:
     Returns
     -------
     list of str
-        Empty also where a run has no solver stats.
+        Empty also where the solver stats of a run are not there, or not all of them.
 
     Examples
     --------
@@ -33,7 +35,7 @@ def uncalled_solvers(run: xr.DataTree) -> list[str]:
     >>> deli.metrics.uncalled_solvers(run)
     ['clarabel was never called: all 30 subproblems were answered without a solver, so its choice changed nothing']
     """
-    if STATS not in run.children:
+    if STATS not in run.children or not (is_ensemble(run) or has_all_steps(run)):
         return []
     stats, choices = dataset_of(run, STATS), tomllib.loads(run.attrs["config"])["solvers"]
     work = stats[["solves", "skipped"]].sum([name for name in stats["solves"].dims if name != "subproblem"])

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from deli.errors import InputError
 from deli.metrics import energy_drift, momentum_components, undecided_momenta
+from deli.metrics.trajectory import step_times
 from deli.plotting.ensembles import draw_all_gaps, draw_all_momenta, draw_energies, worst_residuals
 from deli.plotting.lines import color, draw_dots, draw_line, layers, legend_above, scale_log, unit
 from deli.recording.members import is_ensemble
@@ -111,13 +112,13 @@ def draw_residuals(axes: Axes, run: xr.DataTree) -> None:
     trajectory, stats = dataset_of(run, TRAJECTORY), dataset_of(run, STATS)
     time = trajectory["time"].values
     if is_ensemble(run):
-        measured, equality = worst_residuals(run, RESIDUALS)
+        measured, equality, ends = *worst_residuals(run, RESIDUALS), time[1:]
     else:
         measured = np.fmax.reduce([stats[name].values for name in RESIDUALS])
-        equality = trajectory["equality_residual"].values
+        equality, ends = trajectory["equality_residual"].values, step_times(run)
     over = layers(np.count_nonzero(measured > 0.0, axis=0).tolist())
     for index, name in enumerate(stats["subproblem"].values):
-        draw_dots(axes, time[1:], measured[:, index], color(index), str(name), zorder=over[index])
+        draw_dots(axes, ends, measured[:, index], color(index), str(name), zorder=over[index])
     draw_dots(axes, time, equality, "0.55", "|f(q)| [L]", zorder=1.5)
     scale_log(axes, "none: nothing was solved")
     if axes.has_data():

@@ -17,17 +17,24 @@ import tomli_w
 
 from deli import scenes
 from deli.errors import InputError
+from deli.integrators.registry import METHODS
 from deli.mechanics.content import scene_digest
 from deli.mechanics.scene import Scene
 from deli.recording.schema import AXES, CONVENTIONS, TRAJECTORY, UNDECIDED, UNITS_NOTE
 from deli.subproblems.choices import parse_choices
 from deli.version import __version__
-from solvers.registry import BUILTIN, REFERENCE
+from solvers.registry import BUILTIN, CHAINS, REFERENCE
 
 if TYPE_CHECKING:
     import xarray as xr
 
 CUSTOM = "custom"
+ENSEMBLE = "ensemble"
+MADE_IN_PYTHON = {
+    CUSTOM: "its scene is the user's own, made in Python, whose families no config holds; run the script that made it",
+    ENSEMBLE: "it is of an ensemble of scenes, made in Python, which no config holds; run the script that made it",
+}
+"""What stands for a scene in a run's config where no registered scene does."""
 NONE_USED = "none used"
 ONLY_WITH: dict[tuple[str, str], tuple[str, str]] = {("gvi", "order"): ("reflection", "sequential")}
 """Settings of methods that mean nothing but with another setting."""
@@ -99,7 +106,7 @@ def attributes(config: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
     return {
         "Conventions": CONVENTIONS,
         "title": title(config),
-        "config": tomli_w.dumps(config),
+        "config": config_text(config),
         "deli_version": __version__,
         "cvxpy_version": version("cvxpy"),
         "numpy_version": version("numpy"),
@@ -111,6 +118,21 @@ def attributes(config: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
         "backend_versions": NONE_USED,
         "outcome": "unfinished",
     }
+
+
+def config_text(config: Mapping[str, Any]) -> str:
+    """Config as TOML, which `deli run` carries out again; where it cannot, the first line says why."""
+    scene, method = config["scene"]["name"], config["method"]["name"]
+    backends = {choice["backend"] for choice in config["solvers"].values()} - {*BUILTIN, *CHAINS}
+    own = sorted(name for name in backends if not name.startswith(REFERENCE))
+    first = ""
+    if scene in MADE_IN_PYTHON:
+        first = f"# This config does not run again: {MADE_IN_PYTHON[scene]}.\n"
+    elif method not in METHODS:
+        first = f"# This config does not run again: its method {method} is the user's own.\n"
+    elif own:
+        first = f"# This config runs again only where these backends are registered: {', '.join(own)}.\n"
+    return first + tomli_w.dumps(config)
 
 
 def title(config: Mapping[str, Any]) -> str:

@@ -35,7 +35,7 @@ def verify(path: Path) -> list[Finding]:
     run = build_tree(groups, attributes)
     config = structure.config_of(attributes, path)
     findings = [Finding("outcome", None, attributes["outcome"])]
-    findings += [_content(found), _schema(groups, config["method"]["name"]), _rows(path, run, found.stored)]
+    findings += [_content(found), _schema(groups, config["method"]["name"]), _rows(path, run, found)]
     findings += [_finite(run), _times(run, config)]
     findings += [_problems(run)] if POSED in groups else []
     return findings + list(_diagnostics(run))
@@ -48,7 +48,7 @@ def _content(found: reading.Examined) -> Finding:
     if found.sealed:
         return Finding("content", True, "the digest that the file was closed with")
     if found.broken is None:
-        return Finding("content", None, "not checked: there is neither a digest nor checksums")
+        return Finding("content", None, "not sealed: another program wrote the file, without digest and checksums")
     return Finding("content", True, "checksums of all rows; there is no digest")
 
 
@@ -71,11 +71,16 @@ def _schema(groups: Groups, method: str) -> Finding:
     return Finding("schema", not wrong, "; ".join(wrong) or "all variables, with units and long names")
 
 
-def _rows(path: Path, run: xr.DataTree, stored: int) -> Finding:
+def _rows(path: Path, run: xr.DataTree, found: reading.Examined) -> Finding:
     committed = dataset_of(run, TRAJECTORY).sizes["time"]
     if path.suffix == ".partial":
-        return Finding("rows", committed >= 1, f"{committed} committed of {stored} begun")
-    return Finding("rows", committed == stored, f"{committed} committed, {stored} stored")
+        return Finding("rows", committed >= 1, f"{committed} committed of {found.stored} begun")
+    if not found.counted:
+        steps = dataset_of(run, STATS).sizes["step"]
+        return Finding(
+            "rows", None, f"{committed} rows and {steps} steps; the program that wrote the file left no count"
+        )
+    return Finding("rows", committed == found.stored, f"{committed} committed, {found.stored} stored")
 
 
 def _finite(run: xr.DataTree) -> Finding:
@@ -93,7 +98,7 @@ def _times(run: xr.DataTree, config: dict[str, float]) -> Finding:
     steps = time / config["step_size"]
     uneven = np.abs(steps - np.round(steps)) > 1e-6
     holds = not uneven.any() and bool((np.diff(np.round(steps)) > 0).all())
-    return Finding("times", holds, f"0 to {time[-1]:.9g}, multiples of {config['step_size']}")
+    return Finding("times", holds, f"{time[0]:.9g} to {time[-1]:.9g}, multiples of {config['step_size']}")
 
 
 def _problems(run: xr.DataTree) -> Finding:

@@ -12,13 +12,14 @@ import xarray as xr
 
 from deli.mechanics import energies
 from deli.recording import netcdf, provenance
+from deli.recording.damage import refuse
 from deli.recording.holding import RecordingError
 from deli.recording.paths import partial_path
 from deli.recording.reading import read, read_unfinished
 from deli.recording.recorder import BLOCK_ROWS, Memory, Recorder
 from deli.recording.scene_record import require_same_scene, scene_attributes
 from deli.recording.schema import STATS, TRAJECTORY, Groups, Schema, build_tree
-from deli.recording.structure import refuse, require_schema
+from deli.recording.structure import require_schema
 from deli.recording.subproblems import COUNTED
 from deli.running.interrupts import PATIENCE_SECONDS as STEP_SECONDS
 from deli.running.interrupts import Interrupted, StopRequests
