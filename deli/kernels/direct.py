@@ -2,9 +2,9 @@
 
 from numba import types
 
-from deli.kernels.codes import AFFINE, DONE, MOVING, POSITION, REFRESH
+from deli.kernels.codes import AFFINE, DONE, MOVING, POSITION
 from deli.kernels.compiled import kernel, unit
-from deli.kernels.contacts import VIOLATED, begin, find_gaps, finite, gradients_here, strayed
+from deli.kernels.contacts import VIOLATED, begin, begin_anew, end, find_gaps, gradients_here, strayed
 from deli.kernels.forces import gradient
 from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.position import predict, update
@@ -127,13 +127,12 @@ def substitute(machine: Machine, known: int, _one: int, _two: int) -> int:
     for k in range(work.q.size):
         work.momentum[k] = work.p[k]
     if strayed(machine, work.moved):
-        return REFRESH
+        return begin_anew(machine)
     code, count = move(machine)
     if code == DONE:
-        code = REFRESH if strayed(machine, work.moved) else _carry(machine)
+        code = begin_anew(machine) if strayed(machine, work.moved) else _carry(machine)
     if code == DONE:
         code = find_gaps(machine, work.moved, work.gaps_moved)
     if code != DONE:
         return code
-    machine.tally.contacts[0] = count
-    return finite(work)
+    return end(machine, count)
