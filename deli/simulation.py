@@ -86,8 +86,8 @@ def simulate(
     xarray.DataTree
         Groups ``trajectory`` and ``solver_stats``, and ``subproblems`` if asked for. The root attribute ``outcome`` is
         ``complete``, or says in which step and why the run failed; a failed run ends with the last good state,
-        whatever `every` is, and its file has the final name. Where that adds a row, the row's stats count
-        the failed attempt too.
+        whatever `every` is, and its file has the final name. Where that adds a row, ``solver_stats``
+        counts the work of the failed step too, and the row its contacts not.
 
     Raises
     ------

@@ -37,8 +37,9 @@ def equality_residual(run: xr.DataTree) -> float:
 def contacts(run: xr.DataTree) -> tuple[float, float]:
     """Mean number of smooth contacts over the recorded steps, and the number of reflected contacts of all steps.
 
-    They tell a contact that lasts from one that bounces; nan and 0 for a run without a step. Where rows have been left
-    out since the run was recorded, their reflections are, too, and the number is nan.
+    They tell a contact that lasts from one that bounces; nan and 0 for a run without a step. Both are of the steps as
+    they were taken: attempts that a closed loop discards count nothing. Where rows have been left out since the run was
+    recorded, their reflections are, too, and the number is nan.
     """
     trajectory = dataset_of(run, TRAJECTORY)
     held, struck = trajectory["smooth_contacts"].values[1:], trajectory["reflected_contacts"].values

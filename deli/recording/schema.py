@@ -95,16 +95,20 @@ class Schema:
         return variables + _CONTACT + tuple(_MEMORY[name] for name in self.memory)
 
 
+_WORK = "in all attempts at the steps, discarded ones included"  # contacts are those of the steps as they were taken
+
+
 def _time(name: str, long_name: str) -> Variable:
-    return Variable(name, ("step", "subproblem"), "f8", "s", long_name)
+    return Variable(name, ("step", "subproblem"), "f8", "s", f"{long_name}, {_WORK}")
 
 
 def _count(name: str, long_name: str) -> Variable:
-    return Variable(name, ("step", "subproblem"), "i8", "1", long_name)
+    return Variable(name, ("step", "subproblem"), "i8", "1", f"{long_name}, {_WORK}")
 
 
 def _residual(name: str, long_name: str) -> Variable:
-    return Variable(name, ("step", "subproblem"), "f8", "1", f"{long_name}; nan where nothing was measured")
+    long_name = f"{long_name} of the answers {_WORK}; nan where nothing was measured"
+    return Variable(name, ("step", "subproblem"), "f8", "1", long_name)
 
 
 _ENERGY = "M L2 T-2"
@@ -141,14 +145,14 @@ _CONTACT = (
         ("time",),
         "i8",
         "1",
-        "contacts in the smooth set of the step that leads to the row",
+        "contacts that the step that leads to the row holds: its smooth set; 0 for steps from event to event",
     ),
     Variable(
         "reflected_contacts",
         ("time",),
         "i8",
         "1",
-        "contacts reflected in the steps since the row before, summed over steps",
+        "contacts reflected in the steps since the row before, each once a reflection, none of discarded attempts",
     ),
 )
 _MEMORY = {
@@ -178,7 +182,7 @@ _STATS = (
         ("step", "subproblem"),
         "i1",
         "1",
-        "worst status of the subproblem",
+        f"worst status of the subproblem {_WORK}",
         {
             "flag_values": np.arange(len(STATUS_MEANINGS), dtype=np.int8),
             "flag_meanings": " ".join(STATUS_MEANINGS),

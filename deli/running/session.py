@@ -179,7 +179,7 @@ class Session:
             self._bar.update(self._step, energy - self._energy)
 
     def _record_last_good(self) -> None:
-        """Add the state before a failed step as a row if it is none yet; its stats count the failed attempt too."""
+        """Add the state before a failed step as a row if it is none yet; its stats count the work of that step too."""
         if self._step > self._plan.step_of(self._recorder.rows - 1):
             self._stepper.record(self._recorder.block)
 
