@@ -88,7 +88,8 @@ def series_on(axes: Axes | None, label: str | None, hue: Any) -> Series:
         raise InputError(f"color: found {hue!r}; pass a colour of matplotlib's, such as 'C1', 'black' or '#0072B2'.")
     if axes is None:
         return Series(label, hue)
-    used = {to_hex(line.get_color()).upper() for line in axes.lines} & set(COLORS)
+    lines = [line for line in axes.lines if isinstance(line, Trace) or not str(line.get_label()).startswith("_")]
+    used = {to_hex(line.get_color()).upper() for line in lines} & set(COLORS)
     return Series(label, hue, axes.has_data(), len(used))
 
 

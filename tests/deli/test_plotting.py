@@ -203,6 +203,13 @@ class TestSeveralRunsOnOneAxis:
             draw(three["run 40"], **{argument: value})
 
 
+def test_colours_are_taken_in_their_order(three):
+    axes = Figure().subplots()
+    for run in three.values():
+        deli.plotting.energy(run, ax=axes)
+    assert tuple(line.get_color() for line in curves(axes)) == COLORS[:3]
+
+
 def test_a_panel_that_had_nothing_to_draw_shows_the_next_run():
     still = deli.Scene(mass=1.0, position=[0.0], momentum=[0.0], dimension=1, name="still")
     moving = deli.simulate(deli.scenes.lennard_jones(), deli.GVI(), step_size=0.01, steps=30)
