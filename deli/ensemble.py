@@ -11,6 +11,7 @@ import xarray as xr
 
 from deli.errors import InputError
 from deli.mechanics.scene import Scene
+from deli.metrics.uncalled import uncalled_note
 from deli.recording import ensemble, provenance
 from deli.recording.schema import Schema
 from deli.recording.whole import write_tree
@@ -122,6 +123,8 @@ def simulate_ensemble(
         raise Interrupted(f"{outcome}; the rows are in this exception's `run`", run)
     if failed:
         logger.warning("%s: %s", attributes["title"], outcome)
+    if note := uncalled_note(run):
+        logger.warning("%s: %s", attributes["title"], note)
     return run
 
 

@@ -1,5 +1,6 @@
 """Run a method on a scene and record it; open what was recorded."""
 
+import logging
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +11,7 @@ import xarray as xr
 
 from deli.errors import InputError
 from deli.mechanics.scene import Scene
+from deli.metrics.uncalled import uncalled_note
 from deli.recording import provenance
 from deli.recording.reading import read, read_subproblems
 from deli.recording.scene_record import require_same_scene
@@ -19,6 +21,8 @@ from deli.running.session import Session
 
 if TYPE_CHECKING:
     import cvxpy as cp
+
+logger = logging.getLogger("deli")
 
 
 def simulate(
@@ -59,7 +63,8 @@ def simulate(
     every : int
         Record the initial state, every `every`-th step, and the last step whether or not `every` divides `steps`.
     skip : bool
-        Answer subproblems that need no solver without one.
+        Answer subproblems that need no solver without one. Where that leaves a solver that was chosen with nothing
+        to do, a warning is logged (`deli.metrics.uncalled_note`).
     resume : bool
         Continue ``<output>.partial`` after its last committed row, to the bit as if it had not stopped; with warm
         starts to the solvers' tolerance. Starts anew where there is no such file, returns the run where it is finished,
@@ -110,7 +115,10 @@ def simulate(
         overwrite=overwrite,
         subproblems=subproblems,
     )
-    return run_plan(plan, progress)
+    run = run_plan(plan, progress)
+    if note := uncalled_note(run):
+        logger.warning("%s: %s", run.attrs["title"], note)
+    return run
 
 
 def open_run(path: str | os.PathLike[str]) -> xr.DataTree:

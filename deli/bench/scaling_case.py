@@ -11,7 +11,6 @@ import numpy as np
 import deli
 from deli.bench.part import Row
 from deli.kernels.advance import make_block
-from deli.mechanics import symmetry
 from deli.mechanics.scene import Scene
 from deli.scenes.registry import defaults, get
 
@@ -97,7 +96,7 @@ def _errors(scene: Scene, diagnostics: np.ndarray, momentum: np.ndarray) -> Row:
     """Largest errors of all rows, of energy and momentum relative to what there is of them."""
     energy = diagnostics[:, 0] + diagnostics[:, 1]
     size = max(abs(energy[0]), float(diagnostics[:, 0].max()))
-    kept = np.flatnonzero(symmetry.conserved(scene).linear)
+    kept = np.flatnonzero(np.array(scene.symmetry.linear, dtype=bool))
     row: Row = {"energy_error": float(np.abs(energy - energy[0]).max()) / size}
     if kept.size:
         total = diagnostics[:, 4 + kept]

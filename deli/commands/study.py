@@ -96,8 +96,9 @@ def study(
         [quick]                         # what --quick changes
         base.duration = 1.0
 
-    Also `title`, and `workers = 1` where times are to be compared. `"solvers.default.backend" = "installed"` stands for
-    all backends that are.
+    Also `title`; and where times are to be compared, `workers = 1` and `time_steps = true`: metrics `cpu_time`, of the
+    steps alone, and `recording_time`, of recording them. `"solvers.default.backend" = "installed"` stands for all
+    backends that are.
     """
     from deli.errors import InputError
     from deli.studies.display import Board, reasons

@@ -7,10 +7,17 @@ length L, mass M and time T, as in the dataset; times of solvers are in seconds.
 
 from deli.metrics.contact import complementarity, contacts, equality_residual, violation
 from deli.metrics.energy import Drift, drift, drift_per_impact, energy_drift, energy_range
-from deli.metrics.momentum import angular_momentum_error, momentum_components, momentum_error, momentum_errors
+from deli.metrics.momentum import (
+    angular_momentum_error,
+    momentum_components,
+    momentum_error,
+    momentum_errors,
+    undecided_momenta,
+)
 from deli.metrics.shadow import shadow_energy
 from deli.metrics.table import METRICS, measure
 from deli.metrics.trajectory import steps_taken, trajectory_error
+from deli.metrics.uncalled import uncalled_note, uncalled_solvers
 
 __all__ = [
     "METRICS",
@@ -30,5 +37,8 @@ __all__ = [
     "shadow_energy",
     "steps_taken",
     "trajectory_error",
+    "uncalled_note",
+    "uncalled_solvers",
+    "undecided_momenta",
     "violation",
 ]

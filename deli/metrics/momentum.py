@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from deli.recording.schema import TRAJECTORY, dataset_of
+from deli.recording.schema import TRAJECTORY, UNDECIDED, dataset_of
 
 
 def momentum_error(run: xr.DataTree) -> float:
@@ -31,7 +31,7 @@ def momentum_components(run: xr.DataTree, conserved: bool) -> dict[str, np.ndarr
     ----------
     run : xarray.DataTree
     conserved : bool
-        Whether to return those that the scene conserves, or those that it does not.
+        Whether to return those that the scene conserves, or all others.
     """
     trajectory = dataset_of(run, TRAJECTORY)
     found: dict[str, np.ndarray] = {}
@@ -46,6 +46,16 @@ def momentum_components(run: xr.DataTree, conserved: bool) -> dict[str, np.ndarr
             if (axis in kept) == conserved:
                 found[f"{symbol}_{axis}"] = columns[:, index]
     return found
+
+
+def undecided_momenta(run: xr.DataTree) -> list[str]:
+    """Names, such as ``p_x`` and ``L_z``, of momentum components that the scene may or may not conserve.
+
+    The invariances of potentials and constraints made of a user's functions are measured
+    (`deli.mechanics.measured`); they are unknown where that decides nothing.
+    """
+    names: str = run.attrs.get(UNDECIDED, "none")
+    return [name for name in names.split() if name != "none"]
 
 
 def _worst_momentum(run: xr.DataTree, symbol: str) -> float:

@@ -7,6 +7,7 @@ from deli.metrics.contact import complementarity, contacts, equality_residual, v
 from deli.metrics.energy import drift_per_impact, energy_drift, energy_range
 from deli.metrics.momentum import angular_momentum_error, momentum_error
 from deli.metrics.trajectory import simulated_time, steps_taken, trajectory_error
+from deli.metrics.uncalled import uncalled_note, uncalled_solvers
 from deli.recording.schema import STATS, dataset_of
 
 
@@ -27,7 +28,8 @@ def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Datase
         ``violation_mean``; ``complementarity``, ``equality_residual``, ``trajectory_error``; ``smooth_contacts`` and
         ``reflected_contacts`` as `contacts` gives them; summed over subproblems ``solves``, ``skipped``,
         ``iterations``, ``fallbacks``, ``claimed_solves`` (the solver says so), ``verified_solves`` (recomputed
-        residuals say so), ``solver_time``, ``overhead_time``; ``wall_time``; ``steps``, ``simulated_time``.
+        residuals say so), ``solver_time``, ``overhead_time``; ``uncalled_solvers``; ``wall_time``; ``steps``,
+        ``simulated_time``. Its attribute ``note`` is what `uncalled_note` says, if anything.
     """
     slope, low, worst = energy_drift(run), energy_range(run), violation(run)
     held, struck = contacts(run)
@@ -49,6 +51,7 @@ def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Datase
         "smooth_contacts": held,
         "reflected_contacts": struck,
         **{name: float(stats[recorded].values.sum()) for name, recorded in _SUMS.items()},
+        "uncalled_solvers": float(len(uncalled_solvers(run))),
         "wall_time": float(run.attrs.get("wall_time", np.nan)),
         "steps": float(steps_taken(run)),
         "simulated_time": simulated_time(run),
@@ -57,7 +60,8 @@ def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Datase
         {
             name: xr.Variable((), value, {"units": METRICS[name][0], "long_name": METRICS[name][1]})
             for name, value in values.items()
-        }
+        },
+        attrs={"note": note} if (note := uncalled_note(run)) else {},
     )
 
 
@@ -95,6 +99,7 @@ METRICS = {
     "verified_solves": ("1", "calls whose recomputed residuals are within the tolerance"),
     "solver_time": ("s", "time inside solvers"),
     "overhead_time": ("s", "time to hand problems to solvers and check their answers"),
+    "uncalled_solvers": ("1", "solvers that were chosen and never called"),
     "wall_time": ("s", "wall time of the run"),
     "steps": ("1", "integration steps"),
     "simulated_time": ("T", "time that the run got to"),

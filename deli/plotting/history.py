@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from deli.errors import InputError
-from deli.metrics import energy_drift, momentum_components
+from deli.metrics import energy_drift, momentum_components, undecided_momenta
 from deli.plotting.lines import ALONE, Series, color, draw_dots, draw_line, layers, legend_above, scale_log, unit
 from deli.recording.schema import STATS, TRAJECTORY, dataset_of
 
@@ -61,7 +61,9 @@ def draw_momenta(axes: Axes, run: xr.DataTree, series: Series = ALONE) -> None:
         for index, (name, values) in enumerate(momenta.items()):
             looks = series.looks(index)
             draw_line(axes, time, values, label=series.name(_symbol(name)), zorder=over[index], **looks)
-        axes.set_title("momenta" + (" (none is conserved)" if series.alone else ""))
+        unknown = ", ".join(map(_symbol, undecided_momenta(run)))
+        known = f"unknown whether conserved: {unknown}" if unknown else "none is conserved"
+        axes.set_title("momenta" + (f" ({known})" if series.alone else ""))
         axes.set_ylabel(
             "p [M L T⁻¹]\nL [M L² T⁻¹]" if "angular_momentum" in dataset_of(run, TRAJECTORY) else "p\n[M L T⁻¹]"
         )

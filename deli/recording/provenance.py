@@ -17,10 +17,9 @@ import tomli_w
 
 from deli import scenes
 from deli.errors import InputError
-from deli.mechanics import symmetry
 from deli.mechanics.content import scene_digest
 from deli.mechanics.scene import Scene
-from deli.recording.schema import AXES, CONVENTIONS, TRAJECTORY, UNITS_NOTE
+from deli.recording.schema import AXES, CONVENTIONS, TRAJECTORY, UNDECIDED, UNITS_NOTE
 from deli.subproblems.choices import parse_choices
 from solvers.registry import BUILTIN, REFERENCE
 
@@ -128,14 +127,18 @@ def title(config: Mapping[str, Any]) -> str:
 
 
 def conserved_momenta(scene: Scene) -> dict[str, str]:
-    """Components of linear and angular momentum that the scene's symmetry keeps constant."""
-    conserved = symmetry.conserved(scene)
+    """Components of linear and angular momentum that the scene's symmetry keeps constant, and those that it may."""
     rotation_axes = {1: (), 2: ("z",), 3: AXES}[scene.dimension]
-    components = {
-        "conserved_linear_momentum": zip(AXES, conserved.linear, strict=False),
-        "conserved_angular_momentum": zip(rotation_axes, conserved.angular, strict=True),
+    linear = dict(zip(AXES, scene.symmetry.linear, strict=False))
+    angular = dict(zip(rotation_axes, scene.symmetry.angular, strict=True))
+    components = {f"p_{axis}": kept for axis, kept in linear.items()} | {
+        f"L_{axis}": kept for axis, kept in angular.items()
     }
-    return {name: " ".join(axis for axis, kept in pairs if kept) or "none" for name, pairs in components.items()}
+    return {
+        "conserved_linear_momentum": " ".join(axis for axis, kept in linear.items() if kept) or "none",
+        "conserved_angular_momentum": " ".join(axis for axis, kept in angular.items() if kept) or "none",
+        UNDECIDED: " ".join(name for name, kept in components.items() if kept is None) or "none",
+    }
 
 
 def backend_versions(names: Iterable[str], recorded: str = NONE_USED) -> str:

@@ -22,6 +22,8 @@ UNITS_NOTE = (
     "coordinates are not lengths follow the scene."
 )
 AXES = ("x", "y", "z")
+UNDECIDED = "undecided_momenta"
+"""Attribute that names components of momentum of which it is unknown whether the scene conserves them."""
 TRAJECTORY, STATS, POSED = "trajectory", "solver_stats", "subproblems"
 
 Block = dict[str, np.ndarray]

@@ -16,6 +16,7 @@ from deli.recording.schema import (
     POSED,
     STATS,
     TRAJECTORY,
+    UNDECIDED,
     Groups,
     Schema,
     Variable,
@@ -151,6 +152,10 @@ def require_attributes(attributes: dict[str, Any], path: Path) -> None:
     for name in MOMENTA:
         if not set(attributes[name].split()) <= {*AXES, "none"}:
             refuse(path, f"its attribute {name} is {attributes[name]!r:.80}; allowed are none, and {' '.join(AXES)}")
+    components = [f"{symbol}_{axis}" for symbol in "pL" for axis in AXES]
+    undecided = attributes.get(UNDECIDED, "none")
+    if not isinstance(undecided, str) or not set(undecided.split()) <= {*components, "none"}:
+        refuse(path, f"its attribute {UNDECIDED} is {undecided!r:.80}; allowed are none, and {' '.join(components)}")
 
 
 def config_of(attributes: dict[str, Any], path: Path) -> dict[str, Any]:

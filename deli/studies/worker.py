@@ -36,6 +36,8 @@ class Order:
         Whether to drop what is recorded; else it is continued, or only measured where it is whole.
     spent : float
         Seconds it took before it was interrupted.
+    timed : bool
+        Whether to time its steps, too.
     """
 
     digest: str
@@ -44,6 +46,7 @@ class Order:
     reference: str | None
     fresh: bool
     spent: float = 0.0
+    timed: bool = False
 
 
 def main() -> None:
@@ -141,13 +144,14 @@ def _run(order: Order, report: Any) -> dict[str, str]:
     deadline = time.monotonic() + PATIENCE_SECONDS
     while True:
         try:
-            run = run_plan(parse(order.config).plan(path, resume=not order.fresh, overwrite=order.fresh), report)
+            plan = parse(order.config).plan(path, resume=not order.fresh, overwrite=order.fresh)
+            run = run_plan(plan, report)
             break
         except Busy:  # a worker whose scheduler died may still be at its last rows
             if time.monotonic() > deadline:
                 raise
             time.sleep(RETRY_SECONDS)
-    measure(path, run, order.reference)
+    measure(path, run, order.reference, plan if order.timed else None)
     return {key: run.attrs[key] for key in ("outcome", "deli_version", "backend_versions", "machine")}
 
 
