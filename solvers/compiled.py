@@ -237,7 +237,7 @@ class CompiledProblem:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the parts that a compiled problem is made of."""
-        return rebuild, parts(self._canonical.problem, self._keywords, self.parameters)
+        return rebuild, (compile, *parts(self._canonical.problem, self._keywords, self.parameters))
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "CompiledProblem":
         """Copy everything but the model, which no solve changes."""

@@ -16,10 +16,11 @@ from deli.recording.checksums import Checksums
 from deli.recording.contents import COMMITTED, COMMITTED_PROBLEMS, LIBRARY, WALL_TIME, attributes_of
 from deli.recording.file_layout import first_chunks, lay_out
 from deli.recording.holding import Busy, beside, hold, lock, recording, sweep, which
-from deli.recording.schema import POSED, STATS, TRAJECTORY, Block, Schema
+from deli.recording.schema import POSED, STATS, TRAJECTORY, Schema
 from deli.recording.seal import seal
 from deli.recording.subproblems import COUNTED, taken
 from deli.recording.unfinished import Unfinished
+from deli.recording.variable import Block
 
 _writers: WeakValueDictionary[Path, "Writer"] = WeakValueDictionary()
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from deli.errors import InputError
 from deli.recording.subproblems import LEFT_OUT, SUBPROBLEM_VARIABLES
-from deli.recording.variable import Variable
+from deli.recording.variable import Block, Variable
 from deli.subproblems.choices import SUBPROBLEMS
 from deli.subproblems.stats import STATUS_MEANINGS
 
@@ -29,7 +29,6 @@ TRAJECTORY, STATS, POSED = "trajectory", "solver_stats", "subproblems"
 MEMBER = "member"
 """The dimension along which an ensemble has its runs."""
 
-Block = dict[str, np.ndarray]
 VariableData = tuple[tuple[str, ...], np.ndarray, dict[str, Any]]  # dims, values, attributes
 Groups = dict[str, dict[str, VariableData]]
 
