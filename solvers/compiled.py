@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import sparse
 
-from solvers import registry
+from solvers import choosing, registry
 from solvers.asking import ask, attach
 from solvers.backends.base import Answer, Backend
 from solvers.declared import checks
@@ -46,7 +46,8 @@ def compile(
     problem : cvxpy.Problem
         A convex quadratic program that follows disciplined parametrized programming (DPP).
     backend : str
-        One of `solvers.backends`, ``"auto"`` (native, daqp, then piqp), or ``"cvxpy:SOLVER"`` for any solver cvxpy has.
+        One of `solvers.backends`, ``"auto"`` (those that suit the problem's size, sparsity and curvature, one
+        after another until an answer is verified: `solvers.choosing`), or ``"cvxpy:SOLVER"`` for any solver cvxpy has.
     tolerance : float
         Bound on the scaled KKT residuals (`solvers.residuals`); means the same for every backend.
     polish : bool
@@ -58,7 +59,8 @@ def compile(
         Begin each solve at the answer of the one before, if that was solved. Answers then depend on it, within the
         tolerance; without, they are functions of the parameter values alone, bit for bit.
     **options
-        The backend's own settings, by its own names. For a chain, one mapping per member, by its name.
+        The backend's own settings, by its own names. For ``"auto"``, one mapping for each of native, daqp, piqp and
+        clarabel, by name; those count that the problem is given to.
 
     Returns
     -------
@@ -75,16 +77,19 @@ def compile(
     if warm_start and not registry.can(backend, "warm_starts"):
         raise SolverError(f"{backend} has no warm start; allowed with it: {', '.join(registry.able('warm_starts'))}")
     if backend in registry.CHAINS:
+        allowed = dict.fromkeys((*members, *choosing.FILLED, *choosing.SPARSE))
         for name in options:
-            if name not in members:
-                raise SolverError(f"{backend} has no option {name!r}; allowed: one mapping for {', '.join(members)}")
-        table = {name: dict(options.get(name, {})) for name in members}
-    else:
-        table = {backend: options}
+            if name not in allowed:
+                raise SolverError(f"{backend} has no option {name!r}; allowed: one mapping for {', '.join(allowed)}")
     from solvers.canonical import canonicalize  # cvxpy takes a second to import
 
     with CVXPY:
-        return CompiledProblem(canonicalize(problem), backend, tolerance, polish, check_parameters, warm_start, table)
+        canonical = canonicalize(problem)
+        if backend in registry.CHAINS:
+            table = {name: dict(options.get(name, {})) for name in choosing.choose(canonical.map.program)}
+        else:
+            table = {backend: options}
+        return CompiledProblem(canonical, backend, tolerance, polish, check_parameters, warm_start, table)
 
 
 class CompiledProblem:

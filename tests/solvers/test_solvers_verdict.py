@@ -120,11 +120,10 @@ def test_a_chain_goes_on_and_counts(registered, monkeypatch):
 
 
 @pytest.mark.parametrize("problem", SOLVABLE, ids=lambda problem: problem.name)
-def test_auto_falls_back_on_known_problems_without_curvature_only(problem):
+def test_auto_takes_native_for_known_problems_with_curvature(problem):
     solution = solvers.compile(problem.model()).solve(**problem.values())
     assert solution.ok
-    curved = problem.name != "semidefinite metric"
-    assert (solution.fallbacks, solution.backend) == ((0, "native") if curved else (1, "daqp"))
+    assert (solution.fallbacks, solution.backend) == (0, "daqp" if problem.name == "semidefinite metric" else "native")
 
 
 @pytest.mark.parametrize("problem", INFEASIBLE, ids=lambda problem: problem.name)
