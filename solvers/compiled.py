@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from solvers import registry
+from solvers import choosing, registry
 from solvers.asking import FLOAT, ask, attach
 from solvers.backends.base import Answer, Backend
 from solvers.copies import parts, rebuild
@@ -50,7 +50,8 @@ def compile(
         Variables of any other attributes but ``PSD`` and ``NSD``. An inequality whose bound holds inf as a constant
         is open there: it has no row, and the multiplier 0.
     backend : str
-        One of `solvers.backends`, ``"auto"`` (native, daqp, then piqp), or ``"cvxpy:SOLVER"`` for any solver cvxpy has.
+        One of `solvers.backends`, ``"auto"`` (those that suit the problem's size, sparsity and curvature, one
+        after another until an answer is verified: `solvers.choosing`), or ``"cvxpy:SOLVER"`` for any solver cvxpy has.
     tolerance : float
         Bound on the scaled KKT residuals (`solvers.residuals`); means the same for every backend.
     polish : bool
@@ -62,7 +63,8 @@ def compile(
         Begin each solve at the answer of the one before, if that was solved. Answers then depend on it, within the
         tolerance; without, they are functions of the parameter values alone, bit for bit.
     **options
-        The backend's own settings, by its own names. For a chain, one mapping per member, by its name.
+        The backend's own settings, by its own names. For ``"auto"``, one mapping for each of native, daqp, piqp and
+        clarabel, by name; those count that the problem is given to.
 
     Returns
     -------
@@ -80,18 +82,19 @@ def compile(
     if warm_start and not registry.can(backend, "warm_starts"):
         raise SolverError(f"{backend} has no warm start; allowed with it: {', '.join(registry.able('warm_starts'))}")
     if backend in registry.CHAINS:
+        allowed = dict.fromkeys((*members, *choosing.FILLED, *choosing.SPARSE))
         for name in options:
-            if name not in members:
-                raise SolverError(f"{backend} has no option {name!r}; allowed: one mapping for {', '.join(members)}")
-        table = {name: dict(options.get(name, {})) for name in members}
-    else:
-        table = {backend: options}
+            if name not in allowed:
+                raise SolverError(f"{backend} has no option {name!r}; allowed: one mapping for {', '.join(allowed)}")
     from solvers.canonical import canonicalize  # cvxpy takes a second to import
 
     with CVXPY:
-        compiled = CompiledProblem(
-            canonicalize(problem), backend, tolerance, polish, check_parameters, warm_start, table
-        )
+        canonical = canonicalize(problem)
+        if backend in registry.CHAINS:
+            table = {name: dict(options.get(name, {})) for name in choosing.choose(canonical.map.program)}
+        else:
+            table = {backend: options}
+        compiled = CompiledProblem(canonical, backend, tolerance, polish, check_parameters, warm_start, table)
     compiled._keywords = {
         "backend": backend, "tolerance": tolerance, "polish": polish, "check_parameters": check_parameters,
         "warm_start": warm_start, **options,
@@ -234,7 +237,7 @@ class CompiledProblem:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the parts that a compiled problem is made of."""
-        return rebuild, parts(self._canonical.problem, self._keywords, self.parameters)
+        return rebuild, (compile, *parts(self._canonical.problem, self._keywords, self.parameters))
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "CompiledProblem":
         """Copy everything but the model, which no solve changes."""

@@ -1,6 +1,6 @@
 """Copies of compiled problems, which are compiled anew: solvers and shared storage cannot be copied."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,13 +10,11 @@ from solvers.threads import CVXPY
 if TYPE_CHECKING:
     import cvxpy
 
-    from solvers.compiled import CompiledProblem
-
 Parts = tuple["cvxpy.Problem", int, dict[str, Any], dict[str, np.ndarray]]
 
 
 def parts(problem: "cvxpy.Problem", keywords: dict[str, Any], views: Mapping[str, np.ndarray]) -> Parts:
-    """Return what `rebuild` takes: the model, cvxpy's count of names, the keywords of `compile`, the values."""
+    """Return the arguments of `rebuild` behind the first: model, count of names, keywords of `compile`, values."""
     from solvers.leaves import highest_identifier, without_cache
 
     values = {name: view.copy() for name, view in views.items()}
@@ -24,10 +22,13 @@ def parts(problem: "cvxpy.Problem", keywords: dict[str, Any], views: Mapping[str
 
 
 def rebuild(
-    problem: "cvxpy.Problem", identifier: int, keywords: dict[str, Any], values: dict[str, np.ndarray]
-) -> "CompiledProblem":
-    """Compile a copy of a compiled problem."""
-    from solvers.compiled import compile
+    compile: Callable[..., Any],
+    problem: "cvxpy.Problem",
+    identifier: int,
+    keywords: dict[str, Any],
+    values: dict[str, np.ndarray],
+) -> Any:
+    """Compile a copy of a compiled problem with `solvers.compile`, which imports this module."""
     from solvers.leaves import reserve_identifiers
 
     with CVXPY:

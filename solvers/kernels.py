@@ -3,10 +3,11 @@
 import math
 
 import numpy as np
-from numba import njit
+
+from solvers.kept import kept
 
 
-@njit(cache=True)
+@kept()
 def dense_residuals(
     P: np.ndarray, A: np.ndarray, q: np.ndarray, u: np.ndarray, equalities: int, x: np.ndarray, y: np.ndarray
 ) -> tuple[float, float, float, float, float]:
@@ -29,7 +30,7 @@ def dense_residuals(
     return _scaled(Px, Ax, Aty, pull, q, u, equalities, x, y)
 
 
-@njit(cache=True)
+@kept()
 def sparse_residuals(
     P_start: np.ndarray,
     P_row: np.ndarray,
@@ -58,7 +59,7 @@ def sparse_residuals(
     return _scaled(Px, Ax, Aty, pull, q, u, equalities, x, y)
 
 
-@njit(cache=True)
+@kept()
 def _scaled(
     Px: np.ndarray,
     Ax: np.ndarray,

@@ -12,6 +12,7 @@ from deli.commands.files import NETCDF, require_kind
 @guarded
 def animate(
     file: Annotated[Path, typer.Argument(metavar="FILE.nc", help="A recorded run, finished or partial.")],
+    member: Annotated[int | None, typer.Option(help="Show this member of an ensemble, counted from 0.")] = None,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="GIF|MP4", help="Film to write, .gif or .mp4 (default: FILE.gif)."),
@@ -46,12 +47,13 @@ def animate(
     """
     from deli.plotting import check_movie, save_animation
     from deli.plotting.style import known_scene
+    from deli.recording.members import member_of
     from deli.simulation import open_run
 
     target = output or Path(str(file).removesuffix(".partial")).with_suffix(".gif")
     require_kind(file, "animate", "a recorded run", NETCDF)
     check_movie(target, overwrite=overwrite)
-    run = open_run(file)
+    run = open_run(file) if member is None else member_of(open_run(file), member)
     if not quiet and known_scene(run, None) is None:
         console().print("The scene is not one of deli's own: bodies are drawn as points, without walls.")
     try:

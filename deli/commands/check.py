@@ -12,14 +12,15 @@ from deli.commands.run import Settings, read_config
 
 @guarded
 def check(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A config (.toml) or a recorded run.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A config (.toml), a recorded run or an ensemble.")],
     settings: Settings = None,
 ) -> None:
     """Check a config or a recorded run without running anything.
 
     Of a config: says what would run. Of a run: verifies the schema, the committed rows, that values are finite, and
-    that energies, momenta and gaps follow from the recorded states where the scene is one of deli's own. Exit status
-    2 if something does not hold.
+    that energies, momenta and gaps follow from the recorded states where the scene is one of deli's own. Of an
+    ensemble: the same of all members, as far as it follows without their scenes. Exit status 2 if something does not
+    hold.
     """
     from deli.commands.tables import print_plan
 

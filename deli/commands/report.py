@@ -7,6 +7,7 @@ import typer
 
 from deli.commands.console import console, guarded
 from deli.commands.files import STUDY_FOLDER, require_kind
+from deli.studies.states import DONE, EXCLUDED
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -62,9 +63,12 @@ def _print_map(plot: "HeatMap", study: "xr.Dataset") -> None:
 
 
 def _worst(cases: "xr.Dataset", value: str) -> str:
-    """The metric of largest magnitude of the cases, or how a case stands that has none."""
-    unfinished = [str(state) for state in cases["state"].values.ravel() if state != "done"]
-    return unfinished[0] if unfinished else _word(float(abs(cases[value]).max()))
+    """The metric of largest magnitude of the cases, or how a case stands that has none; excluded ones are no cases."""
+    states = [str(state) for state in cases["state"].values.ravel() if state != EXCLUDED]
+    unfinished = [state for state in states if state != DONE]
+    if not states or unfinished:
+        return unfinished[0] if states else EXCLUDED
+    return _word(float(abs(cases[value]).max()))
 
 
 def _word(label: Any) -> str:

@@ -59,7 +59,7 @@ def check_derivative(name: str, supplied: Array, function: Callable[[Array], Any
 
 
 class JaxDerivative:
-    """The derivative of a function written with ``jax.numpy``, from float64 arrays to float64 arrays.
+    """A function written with ``jax.numpy`` and its derivative, from float64 arrays to float64 arrays.
 
     Double precision is switched on around each call only; JAX's global configuration is left alone.
 
@@ -86,16 +86,23 @@ class JaxDerivative:
         self.name, self.function, self.kind = name, function, kind
         self._jax = jax
         derive = {"gradient": jax.grad, "hessian": jax.hessian, "jacobian": jax.jacfwd}[kind]
-        self._derivative = jax.jit(derive(function))
+        self._value, self._derivative = jax.jit(function), jax.jit(derive(function))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return (JaxDerivative, (self.name, self.function, self.kind))
 
     def __call__(self, q: Array) -> Array:
         """Return the derivative at ``q``."""
+        return self._call(self._derivative, q)
+
+    def value(self, q: Array) -> Array:
+        """Return the function at ``q``; called as it is, it would compute in single precision."""
+        return self._call(self._value, q)
+
+    def _call(self, compiled: Callable[[Array], Any], q: Array) -> Array:
         try:
             with self._double_precision():
-                return np.asarray(self._derivative(q), dtype=np.float64)
+                return np.asarray(compiled(q), dtype=np.float64)
         except self._jax.errors.JAXTypeError as error:
             raise InputError(
                 f"{self.name}: JAX cannot derive this function ({str(error).splitlines()[0]}); write it with "

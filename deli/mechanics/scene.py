@@ -125,7 +125,8 @@ class Scene:
     @cached_property
     def symmetry(self) -> Conserved:
         """Components of momentum the scene conserves."""
-        return conserved(self)
+        layout = Layout(self.dimension, self.mass, self.position)
+        return conserved(layout, (self.potential, self.unilateral, self.bilateral))
 
 
 def _flat(name: str, value: ArrayLike, dimension: int) -> Array:

@@ -7,6 +7,7 @@ import xarray as xr
 
 from deli.errors import InputError
 from deli.metrics.contact import contacts
+from deli.metrics.members import by_member
 from deli.metrics.trajectory import simulated_time
 from deli.recording.schema import TRAJECTORY, dataset_of
 
@@ -20,18 +21,21 @@ class Drift(NamedTuple):
     error: float
 
 
+@by_member
 def energy_drift(run: xr.DataTree) -> Drift:
     """Slope of the energy over time and its standard error [M L2 T-3]; see `drift`."""
     trajectory = dataset_of(run, TRAJECTORY)
     return drift(trajectory["time"].values, trajectory["hamiltonian"].values)
 
 
+@by_member
 def energy_range(run: xr.DataTree) -> tuple[float, float]:
     """Smallest and largest H - H(0) [M L2 T-2]; the width of the energy band is their difference."""
     energy = dataset_of(run, TRAJECTORY)["hamiltonian"].values
     return float((energy - energy[0]).min()), float((energy - energy[0]).max())
 
 
+@by_member
 def drift_per_impact(run: xr.DataTree) -> float:
     """Drift of the energy over the whole run by the number of reflected contacts [M L2 T-2]; nan without any.
 

@@ -9,11 +9,13 @@ from deli.integrators.recipe import Recipe
 from deli.mechanics.scene import Scene
 from deli.mechanics.schemes import get_scheme
 from deli.mechanics.shadow import ORDERS
+from deli.metrics.members import by_member
 from deli.recording.provenance import scene_of
 from deli.recording.scene_record import require_scene_of
 from deli.recording.schema import TRAJECTORY, dataset_of
 
 
+@by_member
 def shadow_energy(run: xr.DataTree, order: int = 4, scene: Scene | None = None) -> xr.DataArray:
     """Shadow energy of every row [M L2 T-2]: what the smooth steps of the scheme keep where H oscillates by O(h²).
 

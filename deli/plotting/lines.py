@@ -1,15 +1,21 @@
 """Lines of any length, of which no row that shows is left out."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import RendererBase
+from matplotlib.colors import is_color_like, to_hex
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 
+from deli.errors import InputError
+
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
+DASHES = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
+"""For readers who cannot tell colours apart, and where colours run out."""
+DOTS, NOTHING = ".x+1", "nothing"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -26,6 +32,65 @@ def plain(text: str) -> str:
 def unit(units: str) -> str:
     """Return units for a label: ``M L2 T-2`` as ``[M L² T⁻²]``, nothing for ``1``."""
     return "" if units == "1" else f" [{units.translate(SUPERSCRIPTS)}]"
+
+
+class Series(NamedTuple):
+    """Looks of the lines of one run, on axes that may hold those of other runs.
+
+    Attributes
+    ----------
+    label : str or None
+        Name of the run in the legend.
+    hue : object
+        Colour of all its lines, which differ by their dashes then; or None.
+    beside : bool
+        Whether there is something on the axes already.
+    used : int
+        How many of our colours are there already.
+    """
+
+    label: str | None = None
+    hue: Any = None
+    beside: bool = False
+    used: int = 0
+
+    @property
+    def alone(self) -> bool:
+        """Whether the title may speak of this run."""
+        return self.label is None and not self.beside
+
+    def name(self, line: str | None = None) -> str | None:
+        """Return the label of a line."""
+        words = (None if self.label is None else plain(self.label), line)
+        return ", ".join(word for word in words if word) or None
+
+    def looks(self, index: int = 0, own: str | None = None) -> dict[str, Any]:
+        """Return colour and dashes of a line, given its place among the lines of the run; `own` is its usual colour."""
+        if self.hue is not None:
+            return {"hue": self.hue, "linestyle": DASHES[index % len(DASHES)]}
+        return {"hue": own or color(self.used + index)}
+
+
+ALONE = Series()
+
+
+def series_on(axes: Axes | None, label: str | None, hue: Any) -> Series:
+    """Return how the next run on some axes, or on new ones, is drawn.
+
+    Raises
+    ------
+    InputError
+        If the label is no string, or the colour none that matplotlib knows.
+    """
+    if label is not None and not isinstance(label, str):
+        raise InputError(f"label: found {label!r}; pass a string.")
+    if hue is not None and not is_color_like(hue):
+        raise InputError(f"color: found {hue!r}; pass a colour of matplotlib's, such as 'C1', 'black' or '#0072B2'.")
+    if axes is None:
+        return Series(label, hue)
+    lines = [line for line in axes.lines if isinstance(line, Trace) or not str(line.get_label()).startswith("_")]
+    used = {to_hex(line.get_color()).upper() for line in lines} & set(COLORS)
+    return Series(label, hue, axes.has_data(), len(used))
 
 
 class Trace(Line2D):
@@ -100,17 +165,19 @@ def extreme_rows(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def draw_line(
-    axes: Axes, time: np.ndarray, values: np.ndarray, hue: str, label: str | None = None, **style: Any
+    axes: Axes, time: np.ndarray, values: np.ndarray, hue: Any, label: str | None = None, **style: Any
 ) -> None:
     """Draw values over time; where rows are closer than a pixel, see `Trace`."""
     _add(axes, Trace(time, values, color=hue, label=label, **{"linewidth": 0.9, **style}))
 
 
-def draw_dots(axes: Axes, time: np.ndarray, values: np.ndarray, hue: str, label: str, **style: Any) -> None:
-    """Draw values as dots for a logarithmic axis; zeros are left out."""
+def draw_dots(
+    axes: Axes, time: np.ndarray, values: np.ndarray, hue: Any, label: str | None, linestyle: Any = "-", **style: Any
+) -> None:
+    """Draw values as dots for a logarithmic axis; zeros are left out, and other marks stand for dashes."""
     positive = np.isfinite(values) & (values > 0)
     if positive.any():
-        looks: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 2.5}
+        looks: dict[str, Any] = {"linestyle": "none", "marker": DOTS[DASHES.index(linestyle)], "markersize": 2.5}
         _add(axes, Dots(time[positive], values[positive], color=hue, label=label, **looks, **style))
 
 
@@ -155,8 +222,11 @@ def legend_below(figure: Figure | SubFigure, axes: Axes) -> None:
 
 def scale_log(axes: Axes, nothing: str) -> None:
     """Give the axes a logarithmic scale, or the words `nothing` where no value is positive."""
+    for words in [text for text in axes.texts if text.get_gid() == NOTHING]:  # of a run drawn before
+        words.remove()
     if axes.has_data():
         axes.set_yscale("log")
         return
     axes.set_yticks([])
-    axes.text(0.5, 0.5, nothing, transform=axes.transAxes, ha="center", va="center", color="0.4", fontsize=9)
+    style: dict[str, Any] = {"ha": "center", "va": "center", "color": "0.4", "fontsize": 9, "gid": NOTHING}
+    axes.text(0.5, 0.5, nothing, transform=axes.transAxes, **style)

@@ -7,11 +7,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from deli.plotting.lines import COLORS, color, legend_below, plain
+from deli.plotting.lines import COLORS, DASHES, color, legend_below, plain
 from deli.replaying.profiles import performance_profile
 
-DASHES = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
-"""For readers who cannot tell colours apart, and where colours run out."""
 ROUNDING = 1e-16
 
 

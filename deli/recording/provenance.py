@@ -17,18 +17,24 @@ import tomli_w
 
 from deli import scenes
 from deli.errors import InputError
-from deli.mechanics import symmetry
+from deli.integrators.registry import METHODS
 from deli.mechanics.content import scene_digest
 from deli.mechanics.scene import Scene
-from deli.recording.schema import AXES, CONVENTIONS, TRAJECTORY, UNITS_NOTE
+from deli.recording.schema import AXES, CONVENTIONS, TRAJECTORY, UNDECIDED, UNITS_NOTE
 from deli.subproblems.choices import parse_choices
 from deli.version import __version__
-from solvers.registry import BUILTIN, REFERENCE
+from solvers.registry import BUILTIN, CHAINS, REFERENCE
 
 if TYPE_CHECKING:
     import xarray as xr
 
 CUSTOM = "custom"
+ENSEMBLE = "ensemble"
+MADE_IN_PYTHON = {
+    CUSTOM: "its scene is the user's own, made in Python, whose families no config holds; run the script that made it",
+    ENSEMBLE: "it is of an ensemble of scenes, made in Python, which no config holds; run the script that made it",
+}
+"""What stands for a scene in a run's config where no registered scene does."""
 NONE_USED = "none used"
 ONLY_WITH: dict[tuple[str, str], tuple[str, str]] = {("gvi", "order"): ("reflection", "sequential")}
 """Settings of methods that mean nothing but with another setting."""
@@ -100,7 +106,7 @@ def attributes(config: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
     return {
         "Conventions": CONVENTIONS,
         "title": title(config),
-        "config": tomli_w.dumps(config),
+        "config": config_text(config),
         "deli_version": __version__,
         "cvxpy_version": version("cvxpy"),
         "numpy_version": version("numpy"),
@@ -112,6 +118,21 @@ def attributes(config: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
         "backend_versions": NONE_USED,
         "outcome": "unfinished",
     }
+
+
+def config_text(config: Mapping[str, Any]) -> str:
+    """Config as TOML, which `deli run` carries out again; where it cannot, the first line says why."""
+    scene, method = config["scene"]["name"], config["method"]["name"]
+    backends = {choice["backend"] for choice in config["solvers"].values()} - {*BUILTIN, *CHAINS}
+    own = sorted(name for name in backends if not name.startswith(REFERENCE))
+    first = ""
+    if scene in MADE_IN_PYTHON:
+        first = f"# This config does not run again: {MADE_IN_PYTHON[scene]}.\n"
+    elif method not in METHODS:
+        first = f"# This config does not run again: its method {method} is the user's own.\n"
+    elif own:
+        first = f"# This config runs again only where these backends are registered: {', '.join(own)}.\n"
+    return first + tomli_w.dumps(config)
 
 
 def title(config: Mapping[str, Any]) -> str:
@@ -129,14 +150,18 @@ def title(config: Mapping[str, Any]) -> str:
 
 
 def conserved_momenta(scene: Scene) -> dict[str, str]:
-    """Components of linear and angular momentum that the scene's symmetry keeps constant."""
-    conserved = symmetry.conserved(scene)
+    """Components of linear and angular momentum that the scene's symmetry keeps constant, and those that it may."""
     rotation_axes = {1: (), 2: ("z",), 3: AXES}[scene.dimension]
-    components = {
-        "conserved_linear_momentum": zip(AXES, conserved.linear, strict=False),
-        "conserved_angular_momentum": zip(rotation_axes, conserved.angular, strict=True),
+    linear = dict(zip(AXES, scene.symmetry.linear, strict=False))
+    angular = dict(zip(rotation_axes, scene.symmetry.angular, strict=True))
+    components = {f"p_{axis}": kept for axis, kept in linear.items()} | {
+        f"L_{axis}": kept for axis, kept in angular.items()
     }
-    return {name: " ".join(axis for axis, kept in pairs if kept) or "none" for name, pairs in components.items()}
+    return {
+        "conserved_linear_momentum": " ".join(axis for axis, kept in linear.items() if kept) or "none",
+        "conserved_angular_momentum": " ".join(axis for axis, kept in angular.items() if kept) or "none",
+        UNDECIDED: " ".join(name for name, kept in components.items() if kept is None) or "none",
+    }
 
 
 def backend_versions(names: Iterable[str], recorded: str = NONE_USED) -> str:

@@ -52,7 +52,7 @@ def replay(
     limit : float
         Seconds that a problem may take: one that takes longer counts as not solved, and is solved only once.
     progress : bool
-        Show a bar on a terminal.
+        Show a bar, on a terminal or in a notebook.
 
     Returns
     -------

@@ -12,13 +12,14 @@ import xarray as xr
 
 from deli.mechanics import energies
 from deli.recording import netcdf, provenance
+from deli.recording.damage import refuse
 from deli.recording.holding import RecordingError
 from deli.recording.paths import partial_path
 from deli.recording.reading import read, read_unfinished
 from deli.recording.recorder import BLOCK_ROWS, Memory, Recorder
 from deli.recording.scene_record import require_same_scene, scene_attributes
 from deli.recording.schema import STATS, TRAJECTORY, Groups, Schema, build_tree
-from deli.recording.structure import refuse, require_schema
+from deli.recording.structure import require_schema
 from deli.recording.subproblems import COUNTED
 from deli.running.interrupts import PATIENCE_SECONDS as STEP_SECONDS
 from deli.running.interrupts import Interrupted, StopRequests
@@ -152,6 +153,8 @@ class Session:
 
     def _advance(self, stop: StopRequests) -> str:
         plan, block = self._plan, self._recorder.block
+        if self._report is not None:
+            self._report(self._step)
         while self._step < plan.steps:
             if stop.reason is not None:
                 return f"{INTERRUPTED} by {stop.reason} after step {self._step}"
@@ -176,7 +179,7 @@ class Session:
             self._bar.update(self._step, energy - self._energy)
 
     def _record_last_good(self) -> None:
-        """Add the state before a failed step as a row if it is none yet; its stats count the failed attempt too."""
+        """Add the state before a failed step as a row if it is none yet; its stats count the work of that step too."""
         if self._step > self._plan.step_of(self._recorder.rows - 1):
             self._stepper.record(self._recorder.block)
 

@@ -48,6 +48,7 @@ class Manifest:
             "format": FORMAT,
             "title": study.title,
             "study": study.text,
+            "timed": study.timed,
             "limits": study.limits.model_dump(),
             "sessions": self._sessions,
             "dimensions": [

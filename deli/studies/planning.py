@@ -15,6 +15,7 @@ from deli.studies.expansion import Case, Study
 from deli.studies.layout import config_path, run_path
 from deli.studies.measuring import EXACT, definition, measured
 from deli.studies.states import DONE, FAILED, FAILURES, INTERRUPTED, WAITING
+from deli.studies.timing import TIMES
 from deli.version import __version__
 
 KEEP, MEASURE, RUN = "keep", "measure", "run"
@@ -123,6 +124,8 @@ def _remeasured(decision: Decision, study: Study, folder: Path, again: set[str])
         why = "metrics are defined otherwise now"
     elif found.reference != reference:
         why = "the reference is another"
+    elif study.timed and decision.case.labels and not set(TIMES) <= found.metrics.keys():
+        why = "steps not timed yet"
     elif reference in again:
         why = "the reference runs again"
     return Decision(decision.case, MEASURE, why, record=decision.record) if why else decision

@@ -5,12 +5,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from solvers import proximal, tolerances
 from solvers.absorbed import absorbed
 from solvers.backends.base import Answer, Backend, refuse_unknown
 from solvers.curvature import SEMIDEFINITE
+from solvers.kept import kept
 from solvers.native import project_within
 from solvers.program import Matrix, QuadraticProgram
 from solvers.residuals import Residuals
@@ -85,7 +85,7 @@ def _entries(matrix: Matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return tuple(array[order].astype(np.int64) for array in (matrix.indices, columns, places))  # type: ignore[return-value]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept(nogil=True, error_model="numpy")
 def _solve(
     P_row: np.ndarray,
     P_column: np.ndarray,

@@ -119,7 +119,7 @@ class TestPlainOutput:
         process = deli_process("run", "point_mass", "--set", "steps=3000", cwd=folder)
         output, errors = process.communicate(timeout=120)
         assert process.returncode == DONE, errors
-        assert errors == ""
+        assert all(line.startswith("deli: compiling") for line in errors.splitlines())
         assert "complete" in output
         assert not [character for character in output if ord(character) < 32 and character != "\n"]
 
