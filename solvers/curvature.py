@@ -15,22 +15,26 @@ SHOWN = 6  # entries that a message lists
 
 
 def fitting(members: tuple[str, ...], canonical: "Canonical") -> tuple[str, ...]:
-    """Return a chain without the members at its head that cannot take a problem, whatever its Parameters' values.
+    """Return a chain without the members at its head that miss curvature in a problem, whatever its Parameters' values.
+
+    A single backend stays if it only prefers curvature.
 
     Raises
     ------
     SolverError
-        If none is left: naming the entries of Variables without curvature, and backends that need none.
+        If none is left that can take it: naming the entries of Variables without curvature, and backends that need none.
     """
     lacking = None
-    while registry.can(members[0], "strictly_convex"):  # later members are imported when their turn comes
+    while True:  # later members are imported when their turn comes
+        needed = registry.can(members[0], "strictly_convex")
+        if not needed and (len(members) == 1 or not registry.can(members[0], "prefers_curvature")):
+            return members
         lacking = _lacking(canonical) if lacking is None else lacking
         if not lacking:
-            break
+            return members
         if len(members) == 1:
             raise SolverError(_refusal(members[0], lacking))
         members = members[1:]
-    return members
 
 
 def _refusal(name: str, lacking: str) -> str:

@@ -62,12 +62,16 @@ class Backend(ABC):
         Whether P must be positive definite. A problem in which it is not, whatever the values of its Parameters, is
         refused when it is compiled, or goes to the next member of a chain; where it depends on them, a solve that
         finds it indefinite fails with a message.
+    prefers_curvature : bool
+        Whether a P that is not positive definite, which it takes, costs it more time than others. A chain then begins
+        behind it.
     """
 
     name: ClassVar[str]
     sparse: ClassVar[bool] = False
     warm_starts: ClassVar[bool] = False
     strictly_convex: ClassVar[bool] = False
+    prefers_curvature: ClassVar[bool] = False
 
     @abstractmethod
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None: ...
