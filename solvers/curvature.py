@@ -22,7 +22,8 @@ def fitting(members: tuple[str, ...], canonical: "Canonical") -> tuple[str, ...]
     Raises
     ------
     SolverError
-        If none is left that can take it: naming the entries of Variables without curvature, and backends that need none.
+        If none is left that can take it: naming the entries of Variables without curvature, and backends that need
+        none.
     """
     lacking = None
     while True:  # later members are imported when their turn comes

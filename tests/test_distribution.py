@@ -25,7 +25,7 @@ def strange_lines(text):
     for found in INSTALL.finditer(text):
         own = OWN.fullmatch(found[1])
         extras = own[1].split(",") if own and own[1] else []
-        if not own or not {*extras} <= {*PROJECT["optional-dependencies"], "{extra}"}:
+        if not own or not {*extras} <= {*PROJECT["optional-dependencies"], "{extra}", "EXTRA"}:
             strange.append(found[0])
     return strange
 
