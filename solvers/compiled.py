@@ -293,7 +293,7 @@ class CompiledProblem:
         return Solution(
             primal,
             dual,
-            self._sense * (residuals.objective + self._map.constant[0]),
+            self._sense * (residuals.objective + self._map.constant.item()),
             status,
             answer.claimed,
             self._members[member],
