@@ -30,9 +30,9 @@ FILLED, SPARSE = ("daqp", "piqp"), ("clarabel", "piqp")  # of large programs
 def choose(program: QuadraticProgram) -> tuple[str, ...]:
     """Return the members of the chain for a program, of which its patterns are looked at and not its numbers.
 
-    A small program goes to the chain ``registry.CHAINS["auto"]``. Native needs curvature, which no variable has without
-    an entry on the diagonal of P, and keeps rows sparse if P has no other entries. The first member decides about the
-    speed; the others answer where it fails.
+    A small program goes to the chain ``registry.CHAINS["auto"]``. Native is fast with curvature, which no variable has
+    without an entry on the diagonal of P, and keeps rows sparse if P has no other entries. The first member decides
+    about the speed; the others answer where it fails.
     """
     P, A = program.quadratic, program.matrix
     columns = np.repeat(np.arange(program.variables), np.diff(P.indptr))

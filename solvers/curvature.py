@@ -1,4 +1,4 @@
-"""What the quadratic term of a program lacks for backends that need it positive definite."""
+"""What the quadratic term of a program lacks for backends that need or prefer it positive definite."""
 
 from typing import TYPE_CHECKING
 
@@ -22,8 +22,7 @@ def fitting(members: tuple[str, ...], canonical: "Canonical") -> tuple[str, ...]
     Raises
     ------
     SolverError
-        If none is left that can take it: naming the entries of Variables without curvature, and backends that need
-        none.
+        If none is left that takes it: naming the entries of Variables without curvature, and backends that need none.
     """
     lacking = None
     while True:  # later members are imported when their turn comes
