@@ -9,16 +9,16 @@ R is stored as in `solvers.native`, whose method is for what is declined here.
 import math
 
 import numpy as np
-from numba import njit
 
 from solvers.absorbed import absorbed, inlined
+from solvers.kept import kept
 from solvers.native_rows import residuals_within
 
 INDEPENDENT = 1e-6  # square of the part of a row outside the span of those before it, relative to that of the row
-ROUNDING = 64 * 2.0**-52  # residual, relative to the largest multiplier, that rounding explains
+ROUNDING = 64 * 2.0**-52  # primal residual that rounding explains
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept(nogil=True, error_model="numpy")
 def project_onto(
     start: np.ndarray,
     column: np.ndarray,
@@ -68,7 +68,7 @@ def project_onto_row(
         z[column[k]] += y[0] * value[k]
         gap -= value[k] * z[column[k]]
     residual = abs(gap) / (1.0 + abs(bounds[0]))
-    good = math.isfinite(total + y[0]) and residual <= ROUNDING * max(1.0, abs(y[0]))
+    good = residual <= ROUNDING and math.isfinite(total + y[0])
     return residual if good and (equalities > 0 or y[0] >= 0.0) else math.nan
 
 
@@ -153,7 +153,7 @@ def project_onto_within(
     -------
     residual : float
         The largest of those that `solvers.native.residuals` gives; nan where z is not the answer, because an inequality
-        has a negative multiplier, or the residual is larger than rounding explains.
+        has a negative multiplier, or a row is missed by more than rounding explains.
     """
     m = bounds.size
     for j in range(wish.size):
@@ -170,14 +170,11 @@ def project_onto_within(
             y[i] += right[i]
             for k in range(start[i], start[i + 1]):
                 z[column[k]] += value[k] * right[i]
-    largest = 1.0
-    for i in range(m):
-        largest = max(largest, abs(y[i]))
-        if i >= equalities and not y[i] >= 0.0:
+    for i in range(equalities, m):
+        if not y[i] >= 0.0:
             return math.nan
-    found = residuals_within(start, column, value, bounds, equalities, wish, z, y, pull)
-    residual = max(found[0], found[1], found[2])
-    return residual if residual <= ROUNDING * largest else math.nan
+    primal, dual, product = residuals_within(start, column, value, bounds, equalities, wish, z, y, pull)
+    return max(primal, dual, product) if primal <= ROUNDING else math.nan
 
 
 @inlined

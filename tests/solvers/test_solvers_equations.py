@@ -101,8 +101,23 @@ def test_rows_that_make_a_small_angle_have_an_answer_to_rounding(angle):
         inside, wish = random.normal(size=5), random.normal(size=5)
         residual, z, y = solve(rows, rows @ inside, wish)
         assert residual <= 64 * EPSILON * max(1.0, np.abs(y).max())
+        assert np.abs(rows @ z - rows @ inside).max() <= 64 * EPSILON * (1.0 + np.abs(rows @ inside).max())
         known = wish + np.vstack((first, second)).T @ (np.vstack((first, second)) @ (inside - wish))
         np.testing.assert_allclose(z, known, rtol=0, atol=64 * EPSILON / angle)
+
+
+def test_an_answer_that_misses_rows_is_declined():
+    """Each row leaves those before it by a large angle, and yet all together they nearly depend on each other."""
+    m = 24
+    rows = unit(np.eye(m) - np.tril(np.ones((m, m)), -1))
+    assert largest_angle(rows) > 1e4 * INDEPENDENT
+    assert np.linalg.cond(rows) > 1e7
+    residual, z, _ = solve(rows, np.ones(m), np.zeros(m))
+    assert np.isnan(residual)
+    assert np.abs(rows @ z - 1.0).max() > 1e-9
+    status, _, _, worst = general(rows, np.ones(m), np.zeros(m))
+    assert status == 0
+    assert worst <= 1e-9
 
 
 @pytest.mark.parametrize("place", [0, 2, 4])
@@ -135,6 +150,14 @@ def test_inequalities_are_answered_where_all_press(m):
         else:
             assert np.isnan(residual)
     assert 50 <= pressing <= 150
+
+
+@pytest.mark.parametrize("m", [1, 3])
+def test_a_multiplier_that_is_negative_by_rounding_is_negative(m):
+    wish = np.ones(4)
+    for bound, answered in ((1.0 - EPSILON, False), (1.0, True), (1.0 + EPSILON, True)):
+        residual = solve(np.eye(m, 4), [*np.full(m - 1, 2.0), bound], wish, equalities=m - 1)[0]
+        assert np.isnan(residual) != answered
 
 
 @settings(max_examples=200, deadline=None)
