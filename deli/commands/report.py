@@ -7,6 +7,7 @@ import typer
 
 from deli.commands.console import console, guarded
 from deli.commands.files import STUDY_FOLDER, require_kind
+from deli.numerals import numeral
 from deli.studies.states import DONE, EXCLUDED
 
 if TYPE_CHECKING:
@@ -72,4 +73,4 @@ def _worst(cases: "xr.Dataset", value: str) -> str:
 
 
 def _word(label: Any) -> str:
-    return f"{label:.3g}" if isinstance(label, float) else str(label)
+    return numeral(label, 3) if isinstance(label, float) else str(label)

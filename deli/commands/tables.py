@@ -8,6 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from deli.memory import in_words
+from deli.numerals import numeral
 from deli.recording import provenance
 from deli.recording.paths import partial_path
 from deli.recording.schema import STATS, TRAJECTORY, dataset_of
@@ -73,7 +74,7 @@ def _add(table: Table, *cells: str) -> None:
 
 
 def _literal(value: object) -> str:
-    return f"{value:.9g}" if isinstance(value, float) else str(value)
+    return numeral(value, 9) if isinstance(value, float) else str(value)
 
 
 def _resumption(plan: Plan) -> str:

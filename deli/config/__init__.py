@@ -25,6 +25,8 @@ from deli.running.plan import Plan, make_plan
 
 LENGTHS = ("steps", "duration")
 
+__all__ = ["Config", "load", "parse"]
+
 
 @dataclass(frozen=True)
 class Config:

@@ -10,9 +10,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Patch, Rectangle
 
 from deli.errors import InputError
+from deli.numerals import numeral
 from deli.plotting.lines import COLORS, color, draw_line, plain, unit
 from deli.plotting.style import STYLE, new_figure
 from deli.recording.schema import TRAJECTORY, dataset_of
@@ -113,9 +114,9 @@ def work_precision(
 
 
 def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = None) -> Axes:
-    """Draw a metric over two axes of a study, on a logarithmic colour scale; where a case failed is crossed out.
+    """Draw a metric over two axes of a study, on a logarithmic colour scale; where a case is not done is crossed out.
 
-    Numbers are written into the cells where there is room; zero has no colour.
+    Numbers are written into the cells where there is room; zero has no colour. A key tells of such cells.
 
     Parameters
     ----------
@@ -146,9 +147,15 @@ def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = Non
         number = float(worst[row, column])
         style: Any = {"ha": "center", "va": "center", "fontsize": 7}
         hue = "white" if number > 0.0 and float(norm(number)) < 0.5 else "black"
-        axes.text(column + 0.5, row + 0.5, f"{number:.3g}", color=hue, **style)
+        axes.text(column + 0.5, row + 0.5, numeral(number, 3), color=hue, **style)
+    crossed: Any = {"facecolor": "0.88", "edgecolor": "0.45", "hatch": "xx", "linewidth": 0.5}
     for row, column in np.argwhere(failed):
-        axes.add_patch(Rectangle((column, row), 1, 1, facecolor="0.88", edgecolor="0.45", hatch="xx", linewidth=0.5))
+        axes.add_patch(Rectangle((column, row), 1, 1, **crossed))
+    keys = [Patch(**crossed, label="not done")] if failed.any() else []
+    if (worst == 0.0).any():
+        keys.append(Patch(facecolor="white", edgecolor="0.45", linewidth=0.5, label="zero"))
+    if keys:
+        axes.legend(handles=keys, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
     for name, ticks, label in ((x, axes.set_xticks, axes.set_xlabel), (y, axes.set_yticks, axes.set_ylabel)):
         words = [_word(entry) for entry in data[name].values.tolist()]
         ticks(np.arange(len(words)) + 0.5, words)
@@ -222,7 +229,7 @@ def _parts(data: xr.Dataset, by: str | None) -> Iterator[tuple[str | None, xr.Da
 
 
 def _word(entry: Any) -> str:
-    return f"{entry:.4g}" if isinstance(entry, float | np.floating) else plain(str(entry))
+    return numeral(float(entry)) if isinstance(entry, float | np.floating) else plain(str(entry))
 
 
 def _complete(data: xr.Dataset) -> xr.DataArray:

@@ -7,6 +7,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
+from deli.numerals import numeral
 from deli.plotting.lines import COLORS, DASHES, color, legend_below, plain
 from deli.replaying.profiles import performance_profile
 
@@ -19,7 +20,8 @@ def draw_profile(axes: Axes, data: xr.Dataset) -> None:
     draw_shares(axes, profile)
     axes.set_xlabel("time over that of the fastest backend on the problem")
     axes.set_ylabel("share of problems solved, verified")
-    axes.set_title(f"performance profile ({data.sizes['problem']:,} problems, tolerance {data.attrs['tolerance']:g})")
+    tolerance = numeral(data.attrs["tolerance"])
+    axes.set_title(f"performance profile ({data.sizes['problem']:,} problems, tolerance {tolerance})")
 
 
 def draw_shares(axes: Axes, profile: xr.DataArray) -> None:

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from deli.numerals import numeral
+
 SCENE, MEMBERS = "scene", "seed"
 PROBLEMS = (SCENE, MEMBERS)
 """Axes whose labels are problems that all others are tried on: they are not compared with each other."""
@@ -105,7 +107,7 @@ def match(among: xr.DataArray, known: xr.DataArray) -> Matched:
 
 def word(label: object) -> str:
     """Return a label in words."""
-    return f"{label:.4g}" if isinstance(label, float | np.floating) else str(label)
+    return numeral(float(label)) if isinstance(label, float | np.floating) else str(label)
 
 
 def in_words(place: Mapping[str, Any]) -> str:

@@ -98,7 +98,7 @@ def draw(plot: Plot, study: xr.Dataset) -> Figure:
             axes.set_title(plain(label))
         for axes in grid[: len(labels) - 1]:
             legend = axes.get_legend()
-            if legend is not None and columns > 1:  # the last panel's stands for all
+            if legend is not None and columns > 1 and not isinstance(plot, HeatMap):  # the last panel's stands for all
                 legend.remove()
         for axes in grid[len(labels) :]:
             axes.remove()

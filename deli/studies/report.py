@@ -13,6 +13,7 @@ import xarray as xr
 from markdown_it import MarkdownIt
 
 from deli.config.reading import parse_toml
+from deli.numerals import numeral
 from deli.plotting.figures import write_picture
 from deli.recording.whole import write_text
 from deli.studies.findings import COMPLETE, findings
@@ -186,4 +187,4 @@ def _table(header: list[str], rows: list[list[str]]) -> str:
 def _word(value: Any) -> str:
     if not isinstance(value, float):
         return _escaped(str(value))
-    return f"{value:.3g}" if np.isfinite(value) else "–"
+    return numeral(value, 3) if np.isfinite(value) else "–"
