@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from deli.errors import DeliError, InputError, StepError
+from deli.version import __version__
 
 if TYPE_CHECKING:
     from deli import impacts, metrics, plotting, scenes
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
     from deli.running.interrupts import Interrupted
     from deli.simulation import load_subproblem, open_run, simulate
     from deli.studies.opening import open_study
-
-__version__ = "0.1.0"
 
 __all__ = [
     "GVI",
@@ -58,6 +57,7 @@ __all__ = [
     "SpheresOutside",
     "Springs",
     "StepError",
+    "__version__",
     "impacts",
     "load_subproblem",
     "metrics",

@@ -11,9 +11,9 @@ import xarray as xr
 
 from deli.errors import InputError
 from deli.mechanics.scene import Scene
-from deli.recording import ensemble, provenance
+from deli.metrics.uncalled import uncalled_note
+from deli.recording import ensemble, ensemble_file, provenance
 from deli.recording.schema import Schema
-from deli.recording.whole import write_tree
 from deli.running.crew import Crew
 from deli.running.interrupts import Interrupted, StopRequests
 from deli.running.plan import Plan, make_plan
@@ -35,6 +35,7 @@ def simulate_ensemble(
     skip: bool = True,
     contact_tolerance: float = 1e-8,
     labels: Mapping[str, Any] | None = None,
+    solver_stats: bool = True,
     workers: int | None = None,
     progress: bool = False,
     output: str | os.PathLike[str] | None = None,
@@ -56,12 +57,14 @@ def simulate_ensemble(
     labels : mapping
         What tells the members apart, by name: arrays with a value for each, which become coordinates along
         ``member``. One called ``member`` takes the place of the numbers 0, 1, ...
+    solver_stats : bool
+        Record the group ``solver_stats``, which takes most of the room where scenes are small.
     workers : int
         Threads; as many as there are cores for this process if left out.
     progress : bool
-        Show a bar on a terminal.
+        Show a bar, on a terminal or in a notebook.
     output : path, optional
-        A netCDF file to write once at the end, to be opened by `xarray.open_datatree`.
+        A netCDF file to write once at the end, to be opened by `deli.open_run`.
     overwrite : bool
         Replace `output` where it exists.
 
@@ -71,9 +74,9 @@ def simulate_ensemble(
         Groups ``trajectory`` and ``solver_stats`` as of `simulate`, with ``member`` as the first dimension of all that
         is recorded; ``time`` and ``step`` are common to all. At the root, ``outcome(member)`` is what a run's outcome
         would be, ``steps_taken(member)`` counts its steps, and attributes are those of a run: the config's scene is
-        what members have in common, conserved momenta are there if members differ in their states only. A member that
-        fails does not stop the others; from there on its rows are nan, of status ``not_used`` and count nothing, and
-        its last good state is recorded only if a row was due.
+        what members have in common, and so are conserved momenta. A member that fails does not stop the others; from
+        there on its rows are nan, of status ``not_used`` and count nothing, and its last good state is recorded only
+        if a row was due. Metrics and plots take all of it, and ``run.isel(member=0)`` as they take a run.
 
     Raises
     ------
@@ -95,12 +98,14 @@ def simulate_ensemble(
         output=output,
         overwrite=overwrite,
     )
+    if not isinstance(solver_stats, bool | np.bool_):
+        raise InputError(f"solver_stats is {solver_stats!r}; allowed: True, False.")
     count, schema = _check_workers(workers), Schema(members[0].dof, members[0].dimension, plan.memory)
     named = ensemble.check_labels(labels, len(members), schema)
-    gathering = ensemble.Gathering(len(members), plan.rows, schema)
+    gathering = ensemble.Gathering(len(members), plan.rows, schema, bool(solver_stats))
     crew = Crew(plan, members, gathering, count)
-    attributes = _attributes(plan, members)
-    with StopRequests() as stop, ProgressBar(attributes["title"], plan.steps * len(members), 0, progress) as bar:
+    attributes = _attributes(plan, members, bool(solver_stats))
+    with StopRequests() as stop, ProgressBar(_label(members), plan.steps * len(members), 0, progress) as bar:
         crew.run(stop, bar)
     finished = sum(outcome == COMPLETE for outcome in crew.outcomes)
     interrupted = any(outcome.startswith(INTERRUPTED) for outcome in crew.outcomes)
@@ -117,11 +122,13 @@ def simulate_ensemble(
     row_times = np.minimum(np.arange(plan.rows) * plan.every, plan.steps) * plan.step_size
     run = gathering.tree(row_times, named, crew.outcomes, attributes)
     if plan.output is not None:
-        write_tree(plan.output, run)
+        ensemble_file.write(plan.output, run)
     if interrupted:
         raise Interrupted(f"{outcome}; the rows are in this exception's `run`", run)
     if failed:
         logger.warning("%s: %s", attributes["title"], outcome)
+    if note := uncalled_note(run):
+        logger.warning("%s: %s", attributes["title"], note)
     return run
 
 
@@ -151,7 +158,12 @@ def _check_workers(workers: int | None) -> int:
     return int(workers)
 
 
-def _attributes(plan: Plan, scenes: list[Scene]) -> dict[str, Any]:
+def _label(scenes: list[Scene]) -> str:
+    name = scenes[0].name if ensemble.same(scenes, "name") else provenance.CUSTOM
+    return f"{len(scenes)} x {name}"
+
+
+def _attributes(plan: Plan, scenes: list[Scene], solver_stats: bool) -> dict[str, Any]:
     """Root attributes that are known at the start."""
     first, config = scenes[0], plan.config()
     common = {name: getattr(first, name) for name in ("mass", "position", "momentum") if ensemble.same(scenes, name)}
@@ -161,19 +173,29 @@ def _attributes(plan: Plan, scenes: list[Scene]) -> dict[str, Any]:
         for key, value in first.parameters.items()
         if key not in states and all(key in scene.parameters and scene.parameters[key] == value for scene in scenes)
     }
-    name = first.name if ensemble.same(scenes, "name") else provenance.CUSTOM
     config["scene"] = provenance.plain(
         {
-            "name": "ensemble",
-            "label": f"{len(scenes)} x {name}",
+            "name": provenance.ENSEMBLE,
+            "label": _label(scenes),
             "members": len(scenes),
             "dimension": first.dimension,
             **common,
             "parameters": parameters,
         }
     )
-    attributes = provenance.attributes(config, first)
-    if not all(ensemble.same(scenes, part) for part in ("mass", "potential", "unilateral", "bilateral")):
-        for key in provenance.conserved_momenta(first):
-            del attributes[key]
-    return attributes
+    if not solver_stats:
+        config["record"]["solver_stats"] = False
+    return provenance.attributes(config, first) | _conserved_momenta(scenes)
+
+
+def _conserved_momenta(scenes: list[Scene]) -> dict[str, str]:
+    """Components of the momenta that all members conserve."""
+    systems = {(id(one.potential), id(one.unilateral), id(one.bilateral), one.mass.tobytes()): one for one in scenes}
+    found: dict[str, str] = {}
+    for scene in systems.values():
+        for key, components in provenance.conserved_momenta(scene).items():
+            kept = found.get(key, components).split()
+            found[key] = " ".join(axis for axis in components.split() if axis in kept) or "none"
+        if set(found.values()) == {"none"}:
+            break
+    return found

@@ -9,6 +9,8 @@ from deli.mechanics.arrays import positive_number, whole_number
 from deli.mechanics.distances import SpheresApart
 from deli.mechanics.scene import Scene
 
+__all__ = ["bernoulli", "cradle", "rack"]
+
 _TOUCHING = 1.0 + 1e-9
 
 

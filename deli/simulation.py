@@ -1,5 +1,6 @@
 """Run a method on a scene and record it; open what was recorded."""
 
+import logging
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -10,14 +11,18 @@ import xarray as xr
 
 from deli.errors import InputError
 from deli.mechanics.scene import Scene
+from deli.metrics.uncalled import uncalled_note
 from deli.recording import provenance
-from deli.recording.reading import read, read_subproblems
-from deli.recording.schema import build_tree
+from deli.recording.holding import require_locks
+from deli.recording.reading import open_tree, read_subproblems
+from deli.recording.scene_record import require_same_scene
 from deli.running.plan import Plan, make_plan
 from deli.running.session import Session
 
 if TYPE_CHECKING:
     import cvxpy as cp
+
+logger = logging.getLogger("deli")
 
 
 def simulate(
@@ -54,17 +59,19 @@ def simulate(
     output : path, optional
         A netCDF file to record to. Rows are in ``<output>.partial`` until the run ends, at most a second of work (ten
         seconds where 256 rows take longer) behind it; then the file gets its own name. Without `output` the run is
-        kept in memory.
+        kept in memory, which all platforms can; files take POSIX locks.
     every : int
         Record the initial state, every `every`-th step, and the last step whether or not `every` divides `steps`.
     skip : bool
-        Answer subproblems that need no solver without one.
+        Answer subproblems that need no solver without one. Where that leaves a solver that was chosen with nothing
+        to do, a warning is logged (`deli.metrics.uncalled_note`).
     resume : bool
         Continue ``<output>.partial`` after its last committed row, to the bit as if it had not stopped; with warm
         starts to the solvers' tolerance. Starts anew where there is no such file, returns the run where it is finished,
-        refuses another configuration.
+        refuses another configuration and another scene, naming the family and the array that differ. Of functions in
+        Python only values and derivatives at some states near the initial one are compared, and a log line says so.
     progress : bool
-        Show a bar on a terminal.
+        Show a bar, on a terminal or in a notebook.
     contact_tolerance : float
         Scaled tolerance of "the gap is zero".
     overwrite : bool
@@ -79,8 +86,8 @@ def simulate(
     xarray.DataTree
         Groups ``trajectory`` and ``solver_stats``, and ``subproblems`` if asked for. The root attribute ``outcome`` is
         ``complete``, or says in which step and why the run failed; a failed run ends with the last good state,
-        whatever `every` is, and its file has the final name. Where that adds a row, the row's stats count
-        the failed attempt too.
+        whatever `every` is, and its file has the final name. Where that adds a row, ``solver_stats``
+        counts the work of the failed step too, and the row its contacts not.
 
     Raises
     ------
@@ -108,19 +115,21 @@ def simulate(
         overwrite=overwrite,
         subproblems=subproblems,
     )
-    return run_plan(plan, progress)
+    run = run_plan(plan, progress)
+    if note := uncalled_note(run):
+        logger.warning("%s: %s", run.attrs["title"], note)
+    return run
 
 
 def open_run(path: str | os.PathLike[str]) -> xr.DataTree:
-    """Open a recorded run, finished or partial; of a partial file only rows that are whole.
+    """Open a recorded run, finished or partial, or an ensemble; of a partial file only rows that are whole.
 
     Raises
     ------
     InputError
         If the file is missing, unreadable, or not a run recorded by deli.
     """
-    groups, attributes = read(Path(path))
-    return build_tree(groups, attributes)
+    return open_tree(Path(path))
 
 
 def load_subproblem(path: str | os.PathLike[str], index: int) -> "cp.Problem":
@@ -159,5 +168,8 @@ def run_plan(plan: Plan, progress: bool | Callable[[int], None] = False) -> xr.D
     if plan.resume and plan.output is not None and plan.output.exists():
         run = open_run(plan.output)
         provenance.require_same(run.attrs["config"], config, plan.output)
+        require_same_scene(run.attrs, plan.scene, plan.output)
         return run
+    if plan.output is not None:
+        require_locks(plan.output)
     return Session(plan, config, progress).run()

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg.blas import ddot
 
 # The compiled kernel under scipy's ``@``, whose own checks cost four times the product at a few hundred entries.
 from scipy.sparse import _sparsetools
@@ -54,10 +55,11 @@ class _Block:
 class AffineMap:
     """The map from theta (whose last entry is one) to a quadratic program, and the storage of that program.
 
-    In the image whatever depends on the parameters comes first; the rest is computed once.
+    In the image whatever depends on the parameters comes first; the rest is computed once. The objective's constant is
+    an array of one number, `constant`.
     """
 
-    __slots__ = ("_data", "_indices", "_indptr", "_lent", "_numbers", "_varying", "program", "theta")
+    __slots__ = ("_data", "_indices", "_indptr", "_lent", "_numbers", "_varying", "constant", "program", "theta")
 
     def __init__(self, theta: np.ndarray, tensors: Tensors) -> None:
         n, rows, equalities = tensors.variables, tensors.rows, tensors.equalities
@@ -74,6 +76,7 @@ class AffineMap:
         p_target, p_length, p_pattern = _storage(p.row % n, p.row // n, (n, n), dense)
         blocks = {
             "q": _Block(q.row[in_q], q.col[in_q], q.data[in_q], n),
+            "constant": _Block(q.row[~in_q] - n, q.col[~in_q], q.data[~in_q], 1),
             "u": _Block(b_row, a.col[~in_a], -sign[b_row] * a.data[~in_a], rows),
             "A": _Block(a_target, a.col[in_a], sign[a_row] * a.data[in_a], a_length),
             "P": _Block(p_target, p.col, p.data, p_length),
@@ -103,6 +106,7 @@ class AffineMap:
             lower=np.full(rows, -np.inf),
             upper=part["u"],
         )
+        self.constant = part["constant"]
         matrices = () if dense else (self.program.quadratic, self.program.matrix)
         patterns = (array for matrix in matrices for array in (matrix.indptr, matrix.indices))
         self._lent = (self._numbers, self.program.lower, *patterns)
@@ -119,10 +123,14 @@ class AffineMap:
                 varying, self.theta.size, self._indptr, self._indices, self._data, self.theta, image
             )
             small = varying <= DENSE_LIMIT  # a longer product of vectors would start threads, for milliseconds
-            finite = math.isfinite(image.dot(image)) if small else bool(np.isfinite(image).all())
+            finite = math.isfinite(ddot(image, image)) if small else bool(np.isfinite(image).all())
         if program.equalities:
             program.lower[: program.equalities] = program.upper[: program.equalities]
         return finite
+
+    def is_finite(self) -> bool:
+        """Whether all numbers of the program are finite."""
+        return bool(np.isfinite(self._numbers).all())
 
     def lend(self) -> list[bytes]:
         """Return what `take_back` has to know, before a backend gets hold of the program."""

@@ -3,14 +3,16 @@
 import operator
 from collections.abc import Callable
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from solvers.affine import AffineMap
 from solvers.backends.base import Answer, Backend
 from solvers.errors import BackendError, SolverError
 from solvers.solution import Status
+
+if TYPE_CHECKING:
+    from solvers.affine import AffineMap
 
 FLOAT = np.dtype(float)
 REAL = "fiu"  # kinds of numpy's types that stand for real numbers
@@ -21,7 +23,7 @@ PASSED_ON = (KeyboardInterrupt, MemoryError)
 Point = tuple[np.ndarray, np.ndarray]
 
 
-def attach(name: str, make: Callable[[], Backend], lender: AffineMap) -> Backend:
+def attach(name: str, make: Callable[[], Backend], lender: "AffineMap") -> Backend:
     """Return the backend that `make` sets up.
 
     Raises
@@ -40,7 +42,7 @@ def attach(name: str, make: Callable[[], Backend], lender: AffineMap) -> Backend
         lender.take_back(lent)
 
 
-def ask(name: str, backend: Backend, lender: AffineMap, begin: Point | None) -> tuple[Answer, float, float]:
+def ask(name: str, backend: Backend, lender: "AffineMap", begin: Point | None) -> tuple[Answer, float, float]:
     """Let a backend solve the program that it is lent, from a point if one is given.
 
     Returns the answer, and the seconds that it took to hand the numbers over and to solve. What the backend writes into

@@ -1,4 +1,4 @@
-"""From a cvxpy problem to standard form: with `solvers.leaves` the only file that touches cvxpy's internals.
+"""From a cvxpy problem to standard form: with `solvers.leaves` and `solvers.places` the files on cvxpy's internals.
 
 cvxpy's parametrized program holds tensors whose product with its parameter vector gives P, q, A, b. They are
 composed here with the map from the problem's own Parameters to that vector. The fields read are private to
@@ -15,15 +15,15 @@ import numpy as np
 from cvxpy.error import DPPError
 from cvxpy.error import SolverError as CvxpySolverError
 from cvxpy.reductions.cvx_attr2constr import CvxAttr2Constr
-from cvxpy.reductions.solution import Solution as CvxpySolution
 from scipy import sparse
 
 from solvers.affine import AffineMap, Tensors
 from solvers.errors import ParameterError, SolverError
 from solvers.leaves import assign, declared_entries, kept_values, lowered_view, value_of, view_shape
+from solvers.places import Place, places_of_multipliers, places_of_variables
+from solvers.refusals import refuse_cones, refuse_not_finite, refuse_parts
 
 SYMMETRIC = ("PSD", "NSD", "symmetric")
-UNSUPPORTED = ("hermitian", "complex", "imag", "boolean", "integer", "bounds")
 
 
 @dataclass(slots=True, eq=False)
@@ -38,17 +38,17 @@ class Canonical:
         From theta, all parameter values flattened in Fortran order and then a one, to the program.
     views : dict of str to ndarray
         Writable views of theta, by Parameter name, in the Parameter's shape; of a sparse one its declared entries.
-    primal : list of (str, slice, tuple or None)
-        Name of each Variable, its place in x and the shape to give it (None: already right).
-    dual : list of (slice, tuple or None)
-        The same for the constraints and y, in order.
+    primal : list of (str, Place)
+        Name of each Variable and its place in x.
+    dual : list of Place
+        Places of the constraints' multipliers in y, in order.
     """
 
     problem: cp.Problem
     map: AffineMap
     views: dict[str, np.ndarray]
-    primal: list[tuple[str, Any, tuple[int, ...] | None]]
-    dual: list[tuple[Any, tuple[int, ...] | None]]
+    primal: list[tuple[str, Place]]
+    dual: list[Place]
 
     def to_view(self, name: str, value: np.ndarray) -> np.ndarray:
         """Turn the value of a sparse Parameter into what its view holds.
@@ -73,48 +73,79 @@ def canonicalize(problem: cp.Problem) -> Canonical:
         If the problem is not a quadratic program, does not follow the rules of disciplined parametrized
         programming, names two things alike, or if cvxpy's internals are not what this file knows.
     """
-    _refuse_duplicates("Parameter", problem.parameters())
-    _refuse_duplicates("Variable", problem.variables())
-    for parameter in problem.parameters():
-        for attribute in UNSUPPORTED:
-            if parameter.attributes[attribute]:
-                raise SolverError(f"Parameter {parameter.name()!r} has the attribute {attribute}: not supported")
-    own = cp.Problem(problem.objective, problem.constraints)  # leaves the caller's solver cache alone
+    refuse_parts(problem)
     with kept_values(problem), warnings.catch_warnings():
         # cvxpy reads its own sparse Parameters in the way it warns about
         warnings.filterwarnings("ignore", message=".*sparse CVXPY expression", category=RuntimeWarning)
         for parameter in problem.parameters():
             assign(parameter, np.ones(view_shape(parameter)))
         try:
-            data, chain, inverse = own.get_problem_data("OSQP", canon_backend="COO", enforce_dpp=True)
-        except (DPPError, CvxpySolverError, cp.DCPError) as error:
+            # OSQP stands for every solver of quadratic programs
+            data, chain, inverse = _own(problem).get_problem_data("OSQP", canon_backend="COO", enforce_dpp=True)
+        except (DPPError, cp.DCPError) as error:
             raise SolverError(f"the problem is not a parametrized quadratic program: {error}") from error
+        except CvxpySolverError as error:
+            refuse_cones(problem)
+            raise SolverError("the problem is not a parametrized quadratic program") from error
     if data["bool_vars_idx"] or data["int_vars_idx"]:
         raise SolverError("the problem has integer Variables; only continuous Variables are allowed")
     parametrized = data["param_prob"]
     theta, views, selection, lowered = _lay_out_parameters(problem, chain, parametrized)
-    tensors = Tensors(
-        parametrized.x.size,
-        parametrized.constr_size,
-        parametrized.cone_dims.zero,
-        *(sparse.coo_array(t @ selection) for t in (parametrized.q, parametrized.A, parametrized.P)),
+    linear, matrix, quadratic = (
+        sparse.coo_array(t @ selection) for t in (parametrized.q, parametrized.A, parametrized.P)
     )
+    bad, kept = _judge_rows(parametrized, matrix)
+    if bad.any() or not all(np.isfinite(part.data).all() for part in (linear, quadratic)):
+        places = places_of_multipliers(problem, chain, inverse, parametrized, np.cumsum(np.ones_like(kept)))
+        at_fault = [number for number, place in enumerate(places) if place.entries(np.flatnonzero(bad)).size]
+        refuse_not_finite(problem, at_fault)
+    matrix = _rows(matrix, kept)
+    tensors = Tensors(parametrized.x.size, int(kept.sum()), parametrized.cone_dims.zero, linear, matrix, quadratic)
     affine = AffineMap(theta, tensors)
-    check_against_cvxpy(affine, parametrized, views, lowered)
-    answers = _probe_answers(problem, chain, inverse, parametrized)
+    check_against_cvxpy(affine, parametrized, views, lowered, kept)
+    primal = places_of_variables(problem, chain, parametrized)
+    dual = places_of_multipliers(problem, chain, inverse, parametrized, np.where(kept, np.cumsum(kept), 0))
     affine.theta[:-1] = np.nan  # refused until given
     for parameter in problem.parameters():
         value = value_of(parameter)
         if value is not None:
             views[parameter.name()][...] = value
-    return Canonical(problem, affine, views, *answers)
+    return Canonical(problem, affine, views, primal, dual)
 
 
-def _refuse_duplicates(kind: str, leaves: list[Any]) -> None:
-    names = [leaf.name() for leaf in leaves]
-    for name in names:
-        if names.count(name) > 1:
-            raise SolverError(f"{names.count(name)} {kind}s are named {name!r}: give each its own name")
+def _own(problem: cp.Problem) -> cp.Problem:
+    """A problem of our own, which leaves the caller's solver cache alone.
+
+    cvxpy does not canonicalize a problem without Variables; it gets one, whose square is minimized.
+    """
+    objective = problem.objective
+    if not problem.variables():
+        sign = -1.0 if isinstance(objective, cp.Maximize) else 1.0
+        objective = type(objective)(objective.expr + sign * cp.square(cp.Variable()))
+    return cp.Problem(objective, problem.constraints)
+
+
+def _judge_rows(parametrized: Any, matrix: sparse.coo_array) -> tuple[np.ndarray, np.ndarray]:
+    """Return which rows of Ax + b >= 0 hold numbers that are none, and which are kept: b = inf bounds nothing."""
+    rows, last = parametrized.constr_size, matrix.shape[1] - 1
+    constant = (matrix.row >= rows * parametrized.x.size) & (matrix.col == last)
+    bounds = np.zeros(rows)
+    bounds[matrix.row[constant] % max(rows, 1)] = matrix.data[constant]
+    bad = ~(bounds > -np.inf)
+    bad[: parametrized.cone_dims.zero] |= bounds[: parametrized.cone_dims.zero] == np.inf
+    bad[matrix.row[~constant & ~np.isfinite(matrix.data)] % max(rows, 1)] = True
+    return bad, bounds < np.inf
+
+
+def _rows(matrix: sparse.coo_array, kept: np.ndarray) -> sparse.coo_array:
+    """Leave rows out of the tensor of [A b]."""
+    if kept.all():
+        return matrix
+    row, column = matrix.row % kept.size, matrix.row // kept.size
+    stays, left = kept[row], int(kept.sum())
+    place = column[stays] * left + np.cumsum(kept)[row[stays]] - 1
+    shape = (matrix.shape[0] // kept.size * left, matrix.shape[1])
+    return sparse.coo_array((matrix.data[stays], (place, matrix.col[stays])), shape)
 
 
 def _lay_out_parameters(
@@ -155,9 +186,13 @@ def _lay_out_parameters(
 
 
 def check_against_cvxpy(
-    affine: AffineMap, parametrized: Any, views: dict[str, np.ndarray], lowered: dict[int, cp.Parameter]
+    affine: AffineMap,
+    parametrized: Any,
+    views: dict[str, np.ndarray],
+    lowered: dict[int, cp.Parameter],
+    kept: np.ndarray,
 ) -> None:
-    """Compare the affine map with cvxpy's own at random parameter values."""
+    """Compare the affine map with cvxpy's own, whose rows are not all kept, at random parameter values."""
     random = np.random.default_rng(0)
     values = {}
     for identifier, parameter in lowered.items():
@@ -166,17 +201,18 @@ def check_against_cvxpy(
         view[...] = value + value.T if any(parameter.attributes[name] for name in SYMMETRIC) else value
         values[identifier] = lowered_view(parameter, view)
     affine.apply()
-    P, q, _, A, b = parametrized.apply_parameters(values, quad_obj=True)
+    P, q, constant, A, b = parametrized.apply_parameters(values, quad_obj=True)
     program = affine.program
     sign = np.where(np.arange(program.rows) < program.equalities, 1.0, -1.0)
-    P, A = sparse.csc_array(P), sparse.csc_array(A)
+    P, A = sparse.csc_array(P), sparse.csc_array(sparse.csr_array(A)[kept])
     A.data = A.data * sign[A.indices]
     for name, mine, theirs in (
         ("P", program.quadratic.to_sparse(), P),
         ("transpose of P", program.quadratic.to_sparse().T, P),
         ("q", program.linear, q),
+        ("the objective's constant", affine.constant, np.atleast_1d(constant)),
         ("A", program.matrix.to_sparse(), A),
-        ("u", program.upper, -sign * b if program.rows else np.zeros(0)),
+        ("u", program.upper, -sign * b[kept] if program.rows else np.zeros(0)),
     ):
         apart = _largest(mine - theirs)
         if not apart <= 1e-12 * (1.0 + _largest(theirs)):
@@ -189,41 +225,3 @@ def check_against_cvxpy(
 def _largest(numbers: Any) -> float:
     entries = sparse.csc_array(numbers).data if sparse.issparse(numbers) else numbers
     return float(np.abs(entries).max(initial=0.0))
-
-
-def _probe_answers(
-    problem: cp.Problem, chain: Any, inverse: list[Any], parametrized: Any
-) -> tuple[list[tuple[str, Any, tuple[int, ...] | None]], list[tuple[Any, tuple[int, ...] | None]]]:
-    """Find where each Variable and each multiplier sits by sending 1, 2, 3, ... back through cvxpy's chain."""
-    x = np.arange(1.0, parametrized.x.size + 1)
-    y = np.arange(1.0, parametrized.constr_size + 1)
-    ends = np.cumsum([constraint.size for constraint in parametrized.constraints], dtype=int)
-    duals = {c.id: y[end - c.size : end] for c, end in zip(parametrized.constraints, ends, strict=True)}
-    answer = CvxpySolution(cp.OPTIMAL, 0.0, {parametrized.x.id: x}, duals, {})
-    for reduction, data in reversed(list(zip(chain.reductions[:-1], inverse[:-1], strict=True))):
-        answer = reduction.invert(answer, data)
-    primal = [
-        (variable.name(), *_place(f"Variable {variable.name()!r}", answer.primal_vars[variable.id], variable.shape))
-        for variable in problem.variables()
-    ]
-    dual = [
-        _place(f"constraint {number}", answer.dual_vars[constraint.id], constraint.shape)
-        for number, constraint in enumerate(problem.constraints)
-    ]
-    return primal, dual
-
-
-def _place(what: str, probe: Any, shape: tuple[int, ...]) -> tuple[Any, tuple[int, ...] | None]:
-    """Turn a probed value into a slice of the flat answer (an index array for symmetric Variables)."""
-    if sparse.issparse(probe):
-        probe = probe.toarray()
-    flat = np.asarray(probe, dtype=float).ravel(order="F")
-    index = flat.astype(int) - 1
-    if np.any(index != flat - 1.0) or np.any(index < 0):
-        raise SolverError(f"{what} has attributes the compiled path cannot return: state them as constraints")
-    target = None if shape == (index.size,) else shape
-    if index.size == 0:
-        return slice(0, 0), target
-    if np.array_equal(index, np.arange(index[0], index[0] + index.size)):
-        return slice(int(index[0]), int(index[0]) + index.size), target
-    return index, target

@@ -2,24 +2,29 @@
 
 import math
 from collections.abc import Mapping
+from copy import copy
+from threading import Lock
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import sparse
 
-from solvers import registry
-from solvers.asking import ask, attach
+from solvers import choosing, registry
+from solvers.asking import FLOAT, ask, attach
 from solvers.backends.base import Answer, Backend
-from solvers.declared import checks
+from solvers.copies import parts, rebuild
+from solvers.curvature import fitting
+from solvers.declared import checks, real_numbers
 from solvers.errors import BackendError, ParameterError, SolverError
 from solvers.residuals import EXACT, Residuals
 from solvers.solution import Solution, Status
 from solvers.threads import CVXPY
+from solvers.views import Views
 
 # Looking a member up on its class takes far longer than a name, and a solve does it several times.
 SOLVED, INACCURATE = Status.SOLVED, Status.INACCURATE
 NO_POINT = (Status.INFEASIBLE, Status.UNBOUNDED)
+FIXED = ("backend", "parameters", "program", "tolerance")
 
 if TYPE_CHECKING:
     import cvxpy
@@ -41,9 +46,12 @@ def compile(
     Parameters
     ----------
     problem : cvxpy.Problem
-        A convex quadratic program that follows disciplined parametrized programming (DPP).
+        A convex quadratic program that follows disciplined parametrized programming (DPP), in real and continuous
+        Variables of any other attributes but ``PSD`` and ``NSD``. An inequality whose bound holds inf as a constant
+        is open there: it has no row, and the multiplier 0.
     backend : str
-        One of `solvers.backends`, ``"auto"`` (native, daqp, then piqp), or ``"cvxpy:SOLVER"`` for any solver cvxpy has.
+        One of `solvers.backends`, ``"auto"`` (those that suit the problem's size, sparsity and curvature, one
+        after another until an answer is verified: `solvers.choosing`), or ``"cvxpy:SOLVER"`` for any solver cvxpy has.
     tolerance : float
         Bound on the scaled KKT residuals (`solvers.residuals`); means the same for every backend.
     polish : bool
@@ -55,7 +63,8 @@ def compile(
         Begin each solve at the answer of the one before, if that was solved. Answers then depend on it, within the
         tolerance; without, they are functions of the parameter values alone, bit for bit.
     **options
-        The backend's own settings, by its own names. For a chain, one mapping per member, by its name.
+        The backend's own settings, by its own names. For ``"auto"``, one mapping for each of native, daqp, piqp and
+        clarabel, by name; those count that the problem is given to.
 
     Returns
     -------
@@ -64,7 +73,8 @@ def compile(
     Raises
     ------
     SolverError
-        If the problem, the backend or an option cannot be used.
+        If the problem, the backend or an option cannot be used: naming the cone, the Variable, the Parameter or the
+        constraint in the way, or the entries without curvature if the backend needs it everywhere.
     """
     if not 0.0 < tolerance < 1.0:
         raise SolverError(f"tolerance is {tolerance!r}; allowed: a number between 0 and 1, such as 1e-9")
@@ -72,36 +82,59 @@ def compile(
     if warm_start and not registry.can(backend, "warm_starts"):
         raise SolverError(f"{backend} has no warm start; allowed with it: {', '.join(registry.able('warm_starts'))}")
     if backend in registry.CHAINS:
+        allowed = dict.fromkeys((*members, *choosing.FILLED, *choosing.SPARSE))
         for name in options:
-            if name not in members:
-                raise SolverError(f"{backend} has no option {name!r}; allowed: one mapping for {', '.join(members)}")
-        table = {name: dict(options.get(name, {})) for name in members}
-    else:
-        table = {backend: options}
+            if name not in allowed:
+                raise SolverError(f"{backend} has no option {name!r}; allowed: one mapping for {', '.join(allowed)}")
     from solvers.canonical import canonicalize  # cvxpy takes a second to import
 
     with CVXPY:
-        return CompiledProblem(canonicalize(problem), backend, tolerance, polish, check_parameters, warm_start, table)
+        canonical = canonicalize(problem)
+        if backend in registry.CHAINS:
+            table = {name: dict(options.get(name, {})) for name in choosing.choose(canonical.map.program)}
+        else:
+            table = {backend: options}
+        compiled = CompiledProblem(canonical, backend, tolerance, polish, check_parameters, warm_start, table)
+    compiled._keywords = {
+        "backend": backend, "tolerance": tolerance, "polish": polish, "check_parameters": check_parameters,
+        "warm_start": warm_start, **options,
+    }  # fmt: skip
+    return compiled
 
 
 class CompiledProblem:
     """What `solvers.compile` returns.
 
+    Several threads may call `solve` of one compiled problem: calls take turns, each with its own values and its own
+    answer. With a warm start each begins at the answer of the call before, whichever thread made it. Values that are
+    written into `parameters` belong to all threads. Compile once for each thread to solve at the same time.
+
+    Attributes cannot be assigned to: what they say is fixed when the problem is compiled.
+
     Attributes
     ----------
-    parameters : dict of str to ndarray
+    parameters : mapping of str to ndarray
         Writable views of the parameter values, in each Parameter's shape. Of a symmetric Parameter the upper
         triangle is used, of a diagonal one the diagonal. The view of a sparse one is a vector of the entries that it
-        declares, row by row.
+        declares, row by row. Names cannot be assigned to: ``parameters["b"][...] = value`` writes into a view.
     backend : str
         The name asked for.
+    program : QuadraticProgram
+        The standard form, with the numbers of the last solve; for reading only.
     tolerance : float
         Bound on the residuals of an answer called solved.
+
+    Notes
+    -----
+    A copy (`copy`, `pickle`, and with it processes, joblib and Dask) is compiled anew from the problem, the keywords
+    given to `solvers.compile` and the current parameter values: it shares nothing with its original but, within a
+    process, the cvxpy problem, gives the same answers bit for bit, and begins without a warm start. Backends of the
+    user's own have to be registered where it is unpickled.
     """
 
     __slots__ = (
-        "_canonical", "_checks", "_dual", "_last", "_map", "_members", "_options", "_polish", "_primal", "_residuals",
-        "_solvers", "_warm_start", "backend", "parameters", "program", "tolerance",
+        "_canonical", "_checks", "_dual", "_keywords", "_last", "_lock", "_map", "_members", "_options", "_polish",
+        "_primal", "_residuals", "_sense", "_solvers", "_warm_start", "backend", "parameters", "program", "tolerance",
     )  # fmt: skip
 
     def __init__(
@@ -114,16 +147,17 @@ class CompiledProblem:
         warm_start: bool,
         options: Mapping[str, Mapping[str, Any]],
     ) -> None:
-        self.parameters = canonical.views
+        self.parameters = Views(canonical.views)
         self.program = canonical.map.program
         self.backend = backend
         self.tolerance = tolerance
         self._map = canonical.map
         self._primal, self._dual = canonical.primal, canonical.dual
-        self._checks = checks(canonical.problem.parameters(), self.parameters) if check_parameters else ()
+        self._sense = -1.0 if canonical.problem.objective.NAME == "maximize" else 1.0  # the program minimizes
+        self._checks = checks(canonical.problem.parameters(), canonical.views) if check_parameters else ()
         self._residuals = Residuals(self.program)
         self._canonical = canonical
-        self._members = tuple(options)
+        self._members = fitting(tuple(options), canonical)
         self._options = options
         if polish:
             from solvers.polish import Polish  # scipy.optimize takes long to import, and listing needs no polish
@@ -131,7 +165,14 @@ class CompiledProblem:
         self._warm_start = warm_start
         self._last: tuple[np.ndarray, np.ndarray] | None = None
         self._solvers: list[Backend] = []
+        self._lock = Lock()
+        self._keywords: dict[str, Any] = {}
         self._attach(0)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in FIXED and hasattr(self, name):
+            raise AttributeError(f"{name} of a compiled problem is fixed: compile another one with solvers.compile")
+        object.__setattr__(self, name, value)
 
     def solve(self, **parameters: Any) -> Solution:
         """Solve for new parameter values.
@@ -145,23 +186,29 @@ class CompiledProblem:
         Returns
         -------
         Solution
-            A function of the parameter values alone, bit for bit, unless compiled with ``warm_start=True``.
+            A function of the parameter values alone, bit for bit, unless compiled with ``warm_start=True``. A call from
+            another thread waits until this one has its answer.
 
         Raises
         ------
         ParameterError
-            If a name is unknown or a value has another shape or is not finite.
+            If a name is unknown, or a value has another shape or is not made of finite real numbers. An inequality
+            is left open by inf in a constant of the model, not by the value of a Parameter.
         BackendError
             If the backend, or the last member of a chain, raises something.
         """
+        with self._lock:  # numbers, solvers and residuals are shared by all calls
+            return self._solve(parameters)
+
+    def _solve(self, parameters: Mapping[str, Any]) -> Solution:
         start = perf_counter()
-        views = self.parameters
+        views = self._canonical.views
         for name, value in parameters.items():
             view = views.get(name)
             if view is None:
                 raise ParameterError(f"unknown parameter {name!r}; allowed: {', '.join(views) or 'none'}")
-            if type(value) is not np.ndarray:
-                value = value.toarray() if sparse.issparse(value) else np.asarray(value, dtype=float)
+            if type(value) is not np.ndarray or value.dtype is not FLOAT:
+                value = real_numbers(name, value)
             view[...] = value if value.shape == view.shape else self._canonical.to_view(name, value)
         if not self._map.apply():
             self._refuse_not_finite()
@@ -182,19 +229,33 @@ class CompiledProblem:
             setup_time += handing
             solve_time += solving
             status, answer, polished = self._judge(answer)
-            if status is SOLVED:
+            if status is SOLVED or status in NO_POINT:
                 break
         if self._warm_start:
             self._last = (answer.x.copy(), answer.y.copy()) if status is SOLVED else None
         return self._report(answer, status, polished, member, start, setup_time, solve_time)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the parts that a compiled problem is made of."""
+        return rebuild, (compile, *parts(self._canonical.problem, self._keywords, self.parameters))
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "CompiledProblem":
+        """Copy everything but the model, which no solve changes."""
+        return copy(self)
+
     def _judge(self, answer: Answer) -> tuple[Status, Answer, bool]:
-        """Decide on the residuals what the answer is worth, after polishing it if asked to."""
+        """Decide on proofs and residuals what the answer is worth, after polishing it if asked to."""
         claimed = answer.claimed
-        if claimed in NO_POINT:
-            self._residuals.forget()
-            return claimed, answer, False
         residuals = self._residuals
+        if claimed in NO_POINT:
+            from solvers.certificates import prove  # scipy.optimize takes long to import
+
+            proved = prove(self.program, residuals, self.tolerance)
+            if proved is not None:
+                residuals.forget()
+                return proved, answer, False
+            answer = answer._replace(message=f"claims {claimed}, not verified ({answer.message})")
+            claimed = Status.FAILED
         worst = residuals.compute(answer.x, answer.y)
         polished = False
         if self._polish is not None and residuals.natural > EXACT:  # which nan is not
@@ -224,20 +285,15 @@ class CompiledProblem:
         solve_time: float,
     ) -> Solution:
         x, y = answer.x, answer.y
-        if answer.claimed in NO_POINT:
+        if status in NO_POINT:
             x, y = np.full(self.program.variables, np.nan), np.full(self.program.rows, np.nan)
-        primal = {}
-        for name, place, shape in self._primal:
-            value = x[place]
-            primal[name] = value if shape is None else value.reshape(shape, order="F")
-        dual = []
-        for place, shape in self._dual:
-            value = y[place]
-            dual.append(value if shape is None else value.reshape(shape, order="F"))
+        primal = {name: place.take(x) for name, place in self._primal}
+        dual = [place.take(y) for place in self._dual]
         residuals = self._residuals
         return Solution(
             primal,
             dual,
+            self._sense * (residuals.objective + self._map.constant.item()),
             status,
             answer.claimed,
             self._members[member],
@@ -270,3 +326,5 @@ class CompiledProblem:
         for name, view in self.parameters.items():
             if not np.isfinite(view).all():
                 raise ParameterError(f"parameter {name!r} was never given or holds nan or inf; allowed: finite numbers")
+        if not self._map.is_finite():  # a scalar product of large numbers overflows before they do
+            raise ParameterError("the values of the parameters overflow in the products that the problem makes of them")

@@ -5,18 +5,42 @@ Only Parameters with attributes cost anything. The rules of disciplined programm
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy import sparse
 
 from solvers.errors import ParameterError
 
 if TYPE_CHECKING:
     import cvxpy
 
+REAL = "fiub"  # kinds of numpy's types whose values are real numbers
+KINDS = {"c": "complex numbers", "U": "text", "S": "text", "O": "Python objects", "M": "dates", "m": "times"}
 ROUNDOFF = 1e-9  # relative asymmetry and negative curvature taken for rounding error
 
 Check = Callable[[], None]
+
+
+def real_numbers(name: str, value: Any) -> np.ndarray:
+    """Return a Parameter's value as an array of real numbers.
+
+    Raises
+    ------
+    ParameterError
+        If it holds complex numbers, text, other objects or masked entries, or is no array of any shape.
+    """
+    if np.ma.is_masked(value):
+        raise ParameterError(f"parameter {name!r} has masked entries; allowed: real numbers everywhere")
+    try:
+        array = value.toarray() if sparse.issparse(value) else np.asarray(value)
+    except ValueError as error:
+        raise ParameterError(f"parameter {name!r} is no array of numbers: {error}") from error
+    if array.dtype.kind not in REAL:
+        found = KINDS.get(array.dtype.kind, f"values of type {array.dtype}")
+        raise ParameterError(f"parameter {name!r} holds {found}; allowed: real numbers")
+    with np.errstate(over="ignore"):  # what no double holds becomes inf, which is refused
+        return array.astype(float, copy=False)
 
 
 def checks(parameters: "list[cvxpy.Parameter]", views: dict[str, np.ndarray]) -> tuple[Check, ...]:

@@ -3,14 +3,15 @@
 import math
 
 import numpy as np
-from numba import njit
+
+from solvers.kept import kept
 
 
-@njit(cache=True)
+@kept()
 def dense_residuals(
     P: np.ndarray, A: np.ndarray, q: np.ndarray, u: np.ndarray, equalities: int, x: np.ndarray, y: np.ndarray
-) -> tuple[float, float, float, float]:
-    """Primal, dual, complementarity, natural residual (`solvers.residuals.Residuals`) with matrices stored dense."""
+) -> tuple[float, float, float, float, float]:
+    """Primal, dual, complementarity, natural residual, and objective (`solvers.residuals.Residuals`), dense."""
     n, rows = q.size, u.size
     Px, Ax, Aty = np.zeros(n), np.empty(rows), np.zeros(n)
     pull = 0.0
@@ -29,7 +30,7 @@ def dense_residuals(
     return _scaled(Px, Ax, Aty, pull, q, u, equalities, x, y)
 
 
-@njit(cache=True)
+@kept()
 def sparse_residuals(
     P_start: np.ndarray,
     P_row: np.ndarray,
@@ -42,7 +43,7 @@ def sparse_residuals(
     equalities: int,
     x: np.ndarray,
     y: np.ndarray,
-) -> tuple[float, float, float, float]:
+) -> tuple[float, float, float, float, float]:
     """The same with matrices stored by compressed columns."""
     n, rows = q.size, u.size
     Px, Ax, Aty = np.zeros(n), np.zeros(rows), np.zeros(n)
@@ -58,7 +59,7 @@ def sparse_residuals(
     return _scaled(Px, Ax, Aty, pull, q, u, equalities, x, y)
 
 
-@njit(cache=True)
+@kept()
 def _scaled(
     Px: np.ndarray,
     Ax: np.ndarray,
@@ -69,7 +70,7 @@ def _scaled(
     equalities: int,
     x: np.ndarray,
     y: np.ndarray,
-) -> tuple[float, float, float, float]:
+) -> tuple[float, float, float, float, float]:
     unbalanced = force = curvature = slope = 0.0
     total = 0.0  # finite exactly if all terms are
     for j in range(q.size):
@@ -92,8 +93,9 @@ def _scaled(
             product = max(product, abs(y[i] * excess))
             apart = max(apart, abs(min(y[i], -excess)))
     if not math.isfinite(total + product):
-        return math.nan, math.nan, math.nan, math.nan
+        return math.nan, math.nan, math.nan, math.nan, math.nan
     stationarity = unbalanced / (1.0 + force)
     dual = max(stationarity, pull / (1.0 + force))
     complementarity = product / (1.0 + max(abs(curvature), abs(slope)))
-    return violated / (1.0 + reach), dual, complementarity, max(stationarity, apart / (1.0 + reach))
+    natural = max(stationarity, apart / (1.0 + reach))
+    return violated / (1.0 + reach), dual, complementarity, natural, 0.5 * curvature + slope

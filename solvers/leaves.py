@@ -6,6 +6,8 @@ from contextlib import contextmanager
 import cvxpy as cp
 import numpy as np
 from cvxpy.error import SolverError as CvxpySolverError
+from cvxpy.lin_ops.lin_utils import ID_COUNTER
+from cvxpy.problems.problem import SolverStats
 from cvxpy.reductions.cvx_attr2constr import lower_value
 from cvxpy.reductions.solution import Solution as CvxpySolution
 from scipy import sparse
@@ -25,6 +27,25 @@ def kept_values(problem: cp.Problem) -> Iterator[None]:
     finally:
         for leaf, value in saved:
             leaf._value = value
+
+
+def without_cache(problem: cp.Problem) -> cp.Problem:
+    """The same problem without what cvxpy keeps of its solves, which cannot be pickled."""
+    return cp.Problem(problem.objective, problem.constraints)
+
+
+def highest_identifier() -> int:
+    """Return the number up to which cvxpy has named Variables, Parameters and constraints in this process."""
+    return int(ID_COUNTER.count)
+
+
+def reserve_identifiers(upto: int) -> None:
+    """Let cvxpy name what it makes from now on differently from a problem that came from another process.
+
+    It numbers the auxiliary variables of a problem from its own count, which in a new process would meet those of a
+    problem that was unpickled there.
+    """
+    ID_COUNTER.count = max(ID_COUNTER.count, upto)
 
 
 def value_of(parameter: cp.Parameter) -> np.ndarray | None:
@@ -50,7 +71,7 @@ def view_shape(parameter: cp.Parameter) -> tuple[int, ...]:
 
 
 def write_back(problem: cp.Problem, solution: Solution) -> None:
-    """Write a solution into a problem's Variables, multipliers, status and value, as ``problem.solve`` does."""
+    """Write a solution into a problem's Variables, multipliers, status, value and stats, as ``problem.solve`` does."""
     sense = -1.0 if isinstance(problem.objective, cp.Maximize) else 1.0
     status, value = {
         Status.SOLVED: (cp.OPTIMAL, 0.0),
@@ -61,10 +82,18 @@ def write_back(problem: cp.Problem, solution: Solution) -> None:
     if status == cp.SOLVER_ERROR:
         message = f"the backend {solution.backend} ended with {solution.status} ({solution.message})"
         raise CvxpySolverError(f"{message}: try another backend")
-    primal = {variable.id: solution.primal[variable.name()] for variable in problem.variables()}
+    primal = {variable.id: _as_cvxpy(variable, solution.primal[variable.name()]) for variable in problem.variables()}
     found = zip(problem.constraints, solution.dual, strict=True)
     dual = {constraint.id: multiplier for constraint, multiplier in found} if not np.isinf(value) else {}
-    problem.unpack(CvxpySolution(status, value, primal, dual, {}))
+    times = {cp.settings.SOLVE_TIME: solution.solve_time, cp.settings.SETUP_TIME: solution.setup_time}
+    stats = {**times, cp.settings.NUM_ITERS: solution.iterations, cp.settings.EXTRA_STATS: solution}
+    problem.unpack(CvxpySolution(status, value, primal, dual, stats))
+    problem._solver_stats = SolverStats.from_dict(stats, solution.backend)
+
+
+def _as_cvxpy(variable: cp.Variable, value: np.ndarray) -> "np.ndarray | sparse.dia_array":
+    """A Variable's value as cvxpy stores it: sparse where it is diagonal."""
+    return sparse.diags_array(np.diag(value)) if variable.attributes["diag"] else value
 
 
 def lowered_view(parameter: cp.Parameter, view: np.ndarray) -> np.ndarray:

@@ -5,15 +5,22 @@ from weakref import WeakKeyDictionary
 
 from solvers.compiled import CompiledProblem, compile
 from solvers.errors import ParameterError
+from solvers.threads import CVXPY
 
-_compiled: "WeakKeyDictionary[Any, dict[Any, CompiledProblem]]" = WeakKeyDictionary()
+_compiled: "WeakKeyDictionary[Any, dict[str, CompiledProblem]]" = WeakKeyDictionary()
 
 
 def register_solve_method(name: str = "compiled") -> None:
     """Let every cvxpy problem be solved with ``problem.solve(method=name, backend="daqp", ...)``.
 
     Takes the keywords of `solvers.compile`; values, multipliers, status and objective value are written back as
-    cvxpy does. Each problem is compiled at its first solve, once for every choice of keywords.
+    cvxpy does. ``problem.solver_stats`` has the name of the backend that answered, its times and iterations, and the
+    `solvers.Solution` as ``extra_stats``. Each problem is compiled at its first solve, once for every choice of
+    keywords; what was compiled is freed with the problem.
+
+    Threads may solve problems of their own at the same time. One problem has one set of values: threads that share it
+    have to hold a lock from setting its Parameters to reading its Variables, or use `solvers.compile`, whose answers
+    belong to the caller.
     """
     import cvxpy
 
@@ -21,17 +28,31 @@ def register_solve_method(name: str = "compiled") -> None:
 
 
 def _solve(problem: Any, **keywords: Any) -> float:
-    from solvers.leaves import value_of, write_back
+    from solvers.leaves import write_back
+
+    with CVXPY:
+        compiled, values = _prepare(problem, keywords)
+    solution = compiled.solve(**values)
+    with CVXPY:
+        write_back(problem, solution)
+        return float(problem.value)
+
+
+def _prepare(problem: Any, keywords: dict[str, Any]) -> tuple[CompiledProblem, dict[str, Any]]:
+    """Return what is compiled for a problem and choice of keywords, and the values of its Parameters."""
+    import cvxpy
+
+    from solvers.leaves import value_of
 
     known = _compiled.setdefault(problem, {})
     key = repr(sorted(keywords.items()))
     if key not in known:
-        known[key] = compile(problem, **keywords)
+        # The key itself, held by its own value, would never be freed.
+        known[key] = compile(cvxpy.Problem(problem.objective, problem.constraints), **keywords)
     values = {}
     for parameter in problem.parameters():
         value = value_of(parameter)
         if value is None:
             raise ParameterError(f"parameter {parameter.name()!r} has no value: set its .value first")
         values[parameter.name()] = value
-    write_back(problem, known[key].solve(**values))
-    return float(problem.value)
+    return known[key], values

@@ -11,9 +11,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from solvers.absorbed import absorbed
+from solvers.kept import kept
 from solvers.native_factor import append, direction, refine, remove
 from solvers.native_rows import SMALL, length, most_violated, residuals, scale
 
@@ -30,7 +30,7 @@ PATIENCE = 20  # rows that may enter on violations near rounding before such vio
 FREE, WORKING, IGNORED = range(3)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept(nogil=True, error_model="numpy")
 def project(
     start: np.ndarray,
     column: np.ndarray,

@@ -9,16 +9,16 @@ R is stored as in `solvers.native`, whose method is for what is declined here.
 import math
 
 import numpy as np
-from numba import njit
 
 from solvers.absorbed import absorbed, inlined
+from solvers.kept import kept
 from solvers.native_rows import residuals_within
 
 INDEPENDENT = 1e-6  # square of the part of a row outside the span of those before it, relative to that of the row
 ROUNDING = 64 * 2.0**-52  # primal residual that rounding explains
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept(nogil=True, error_model="numpy")
 def project_onto(
     start: np.ndarray,
     column: np.ndarray,

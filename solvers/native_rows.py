@@ -4,9 +4,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from solvers.absorbed import absorbed
+from solvers.kept import kept
 
 SMALL = 1e-3  # coordinates smaller than this, relative to the largest, may hold the rounding errors of others
 
@@ -68,7 +68,7 @@ def most_violated(
     return chosen, excess
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept(nogil=True, error_model="numpy")
 def residuals(
     start: np.ndarray,
     column: np.ndarray,

@@ -8,6 +8,7 @@ Px + q + A'y = 0, with y >= 0 on inequality rows.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -44,6 +45,11 @@ class Matrix:
         self.dense = values.reshape(shape) if is_dense else None
         columns = np.repeat(np.arange(shape[1]), np.diff(self.indptr))
         self._position = self.indices * shape[1] + columns if is_dense else None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle what makes a matrix, so that a copy's views share its storage."""
+        pattern = sparse.csc_array((np.ones(self.indices.size), self.indices, self.indptr), shape=self.shape)
+        return Matrix, (self.shape, pattern, self.values, self.dense is not None, self.constant)
 
     def entries(self) -> np.ndarray:
         """Values of the pattern, column by column (a copy only if the storage is dense)."""

@@ -9,13 +9,14 @@ from importlib.util import find_spec
 from typing import Any
 
 from solvers.backends.base import Backend
+from solvers.distribution import install_line
 from solvers.errors import NotInstalledError, SolverError, UnknownBackendError
 from solvers.program import QuadraticProgram
 
 Factory = Callable[[QuadraticProgram, float, Mapping[str, Any]], Backend]
 
 GROUP = "deli.solvers"
-INSTALL = 'pip install "deli[solvers]"'
+EXTRA = "solvers"
 REFERENCE = "cvxpy:"
 
 # name: (class, package it needs)
@@ -40,7 +41,7 @@ _registered: dict[str, Factory] = {}
 
 @dataclass(frozen=True, slots=True)
 class BackendInfo:
-    """A backend deli knows: its name, whether it can be used, and the command that installs it."""
+    """A backend deli knows: its name, whether it can be used, and how it is installed."""
 
     name: str
     installed: bool
@@ -92,7 +93,7 @@ def _installed(package: str) -> bool:
 
 def backends() -> list[BackendInfo]:
     """List all backends deli knows, installed or not, without importing any of them."""
-    known = [BackendInfo(name, _installed(package), INSTALL) for name, (_, package) in BUILTIN.items()]
+    known = [BackendInfo(name, _installed(package), install_line(EXTRA)) for name, (_, package) in BUILTIN.items()]
     others = [*_registered, *(name for name in _offered() if name not in _registered)]
     return known + [BackendInfo(name, True, "") for name in others]
 
@@ -131,7 +132,7 @@ def _require(name: str) -> None:
         raise UnknownBackendError(f"unknown backend {name!r}; allowed: {', '.join(allowed)}")
     package = BUILTIN[name][1]
     if not _installed(package):
-        raise NotInstalledError(f"the backend {name!r} needs the package {package!r}: {INSTALL}")
+        raise NotInstalledError(f"the backend {name!r} needs the package {package!r}: {install_line(EXTRA)}")
 
 
 def can(backend: str, what: str) -> bool:

@@ -1,4 +1,4 @@
-"""KKT residuals, computed from an answer and never taken from a vendor."""
+"""KKT residuals and objective, computed from an answer and never taken from a vendor."""
 
 import math
 from collections.abc import Callable
@@ -26,7 +26,8 @@ class Residuals:
 
     where e runs over equality and i over inequality rows. A multiplier that pulls counts by its force, however large
     others are that cancel. If anything in them is nan or infinite, all are nan. The first three judge an answer; the
-    natural residual tells how far it can be improved, `solvers.polish`.
+    natural residual tells how far it can be improved, `solvers.polish`. Beside them stands the `objective`,
+    :math:`\tfrac12 x^T P x + q^T x`.
 
     Parameters
     ----------
@@ -34,12 +35,12 @@ class Residuals:
         Read anew at every call.
     """
 
-    __slots__ = ("_kernel", "_numbers", "complementarity", "dual", "natural", "primal")
+    __slots__ = ("_kernel", "_numbers", "complementarity", "dual", "natural", "objective", "primal")
 
     def __init__(self, program: QuadraticProgram) -> None:
         from solvers import kernels  # numba takes half a second to import, and is not needed to list backends
 
-        self._kernel: Callable[..., tuple[float, float, float, float]]
+        self._kernel: Callable[..., tuple[float, float, float, float, float]]
         matrices: tuple[np.ndarray, ...]
         quadratic, matrix = program.quadratic, program.matrix
         if quadratic.dense is not None and matrix.dense is not None:
@@ -53,11 +54,11 @@ class Residuals:
         self.forget()
 
     def forget(self) -> None:
-        """Set all residuals to nan: there is no point to measure."""
-        self.primal = self.dual = self.complementarity = self.natural = math.nan
+        """Set all residuals and the objective to nan: there is no point to measure."""
+        self.primal = self.dual = self.complementarity = self.natural = self.objective = math.nan
 
     def compute(self, x: np.ndarray, y: np.ndarray) -> float:
-        """Set all residuals; return the largest of the three that judge, nan if anything is nan or infinite."""
-        primal, dual, complementarity, self.natural = self._kernel(*self._numbers, x, y)
+        """Set all of them; return the largest of the three that judge, nan if anything is nan or infinite."""
+        primal, dual, complementarity, self.natural, self.objective = self._kernel(*self._numbers, x, y)
         self.primal, self.dual, self.complementarity = primal, dual, complementarity
         return max(primal, dual, complementarity)

@@ -7,7 +7,7 @@ import numpy as np
 
 
 class Status(StrEnum):
-    """Outcome of a solve; only ``SOLVED`` means that the answer was verified."""
+    """Outcome of a solve; ``SOLVED`` is a verified answer, ``INFEASIBLE`` and ``UNBOUNDED`` a verified lack of one."""
 
     SOLVED = "solved"
     INACCURATE = "inaccurate"
@@ -29,8 +29,14 @@ class Solution:
     dual : list of ndarray
         Multipliers in the order of ``problem.constraints``, each in its constraint's shape and with cvxpy's
         sign: nonnegative for inequalities; for an equality ``F v == d`` the Lagrangian has ``+ y.(F v - d)``.
+    objective : float
+        Value of the problem's objective at the answer, with its constant, and with its own sign if it is maximized;
+        nan where there is no answer. Parts such as ``abs`` and ``max``, for which the standard form has auxiliary
+        variables, count by these variables, which are as accurate as the residuals say.
     status : Status
-        The verdict on the residuals below: ``SOLVED`` if they are all within the tolerance.
+        The verdict on the residuals below: ``SOLVED`` if they are all within the tolerance. ``INFEASIBLE`` and
+        ``UNBOUNDED`` are proved (`solvers.certificates.prove`), whichever of the two was claimed. Without a proof such
+        a claim is ``FAILED``.
     claimed : Status
         The vendor's own word.
     backend : str
@@ -46,11 +52,12 @@ class Solution:
     primal_residual, dual_residual, complementarity : float
         Scaled KKT residuals, defined in `solvers.residuals.Residuals`.
     message : str
-        The vendor's status text.
+        The vendor's status text, after a claim that was not verified.
     """
 
     primal: dict[str, np.ndarray]
     dual: list[np.ndarray]
+    objective: float
     status: Status
     claimed: Status
     backend: str

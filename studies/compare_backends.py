@@ -1,6 +1,7 @@
 """Run one scene with every backend, polished and not, and compare what each keeps and costs.
 
-    python studies/compare_backends.py [SCENE] [--steps N] [--tolerance T ...] [--backend NAME ...] [-o compare.nc]
+    python studies/compare_backends.py [SCENE] [--steps N] [--tolerance T ...] [--backend NAME ...] [--no-skip]
+                                        [-o compare.nc]
 
 One row a run: range of the energy error, error of conserved momenta, worst gap, largest residual of a position
 update, solves and time. Rows of equal energy and gap took the same path. -o keeps the table as an xarray dataset.
@@ -20,9 +21,9 @@ import solvers
 COLUMNS = ("energy_low", "energy_high", "momentum_error", "gap_min", "residual", "solves", "solver_time", "wall_time")
 
 
-def measure(scene, method, step_size, steps, choice):
+def measure(scene, method, step_size, steps, choice, skip):
     """Figures of one run in the order of COLUMNS, and its outcome."""
-    run = deli.simulate(scene, method, step_size=step_size, steps=steps, solvers=choice)
+    run = deli.simulate(scene, method, step_size=step_size, steps=steps, solvers=choice, skip=skip)
     found, stats = deli.metrics.measure(run), run["solver_stats"].sel(subproblem="position")
     residuals = [float(stats[name].max()) for name in ("primal_residual", "dual_residual", "complementarity")]
     found["momentum_error"] = np.fmax(found["momentum_error"], found["angular_momentum_error"])
@@ -36,6 +37,7 @@ def main():
     parser.add_argument("--steps", type=int, default=500)
     parser.add_argument("--tolerance", type=float, nargs="+", default=[1e-9])
     parser.add_argument("--backend", nargs="+", default=solvers.available())
+    parser.add_argument("--no-skip", dest="skip", action="store_false", help="call solvers for closed forms, too")
     parser.add_argument("-o", "--output")
     options = parser.parse_args()
 
@@ -46,7 +48,9 @@ def main():
     figures, outcomes = np.full((*shape, len(COLUMNS)), np.nan), np.full(shape, "", dtype=object)
     for index in track(list(np.ndindex(shape)), description=options.scene, transient=True):
         choice = {name: values[place] for (name, values), place in zip(axes.items(), index, strict=True)}
-        figures[index], outcomes[index] = measure(scene, method, defaults["step_size"], options.steps, choice)
+        figures[index], outcomes[index] = measure(
+            scene, method, defaults["step_size"], options.steps, choice, options.skip
+        )
 
     table = Table(
         *axes, *COLUMNS, "outcome", title=f"{options.scene}, h = {defaults['step_size']}, {options.steps} steps"

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import sparse
 
 import solvers
+from deli.bench import control
 from deli.bench.part import Column, Measure, Part, Row
 from deli.bench.raw import RAW, TOLERANCE, Numbers, standard_form
 from solvers import tolerances
@@ -17,18 +18,28 @@ from solvers import tolerances
 SIZES = ((4, 1, 1.0), (4, 2, 1.0), (18, 20, 1.0), (100, 150, 0.05))
 """Variables, rows, and share of coefficients that are not zero."""
 
+HORIZONS = (4, 10, 20)
+"""Steps of the predictive control of `deli.bench.control`."""
+
 USUAL = ("native", "daqp", "piqp", "clarabel", "osqp")
+CONTROLLING = tuple(name for name in USUAL if name != "native")
 
 
 def _cases(quick: bool) -> list[tuple[str, Measure]]:
     sizes = SIZES[1:-1] if quick else SIZES
     known = solvers.available()
-    backends = [name for name in USUAL if name in known] if quick else known
-    return [
+    backends = [name for name in USUAL if name in known] if quick else ["auto", *known]
+    projections: list[tuple[str, Measure]] = [
         (f"{size[0]}, {size[1]} {backend}", lambda b=backend, s=size: [measure(b, s, quick)])  # type: ignore[misc]
         for size in sizes
         for backend in backends
     ]
+    control: list[tuple[str, Measure]] = [
+        (f"control of {horizon} {backend}", lambda b=backend, h=horizon: [measure_control(b, h)])  # type: ignore[misc]
+        for horizon in (() if quick else HORIZONS)
+        for backend in ("auto", *CONTROLLING)
+    ]
+    return projections + control
 
 
 def measure(backend: str, size: tuple[int, int, float], quick: bool) -> Row:
@@ -44,31 +55,53 @@ def measure(backend: str, size: tuple[int, int, float], quick: bool) -> Row:
     metric = np.diag(random.uniform(1.0, 2.0, n))
     values = [_draw(random, pattern) for _ in range(20)]
     few, many = (3, 40) if quick else (20, 2000 if n < 100 else 400)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # cvxpy's remarks on accuracy and on its own sparse Parameters
-        rebuild, again = _time_cvxpy(backend, metric, pattern, values, few)
-    compiled = solvers.compile(_build(metric, pattern), backend, tolerance=TOLERANCE)
+    raw = float("nan")
+    if backend in RAW:
+        cases = standard_form(values, pattern)
+        raw = _median_time(RAW[backend](metric, cases), cases, many)
+    row = _measure(backend, _build(metric, pattern), values, few, many, lambda case: _build(metric, pattern, case))
+    return {**row, "problem": "projection", "raw": raw, "overhead": row["compiled"] - raw}
+
+
+def measure_control(backend: str, horizon: int) -> Row:
+    """Return a row: one backend on predictive control, which is neither rebuilt nor solved raw."""
+    random = np.random.default_rng(0)
+    values = [control.draw(random) for _ in range(20)]
+    return {**_measure(backend, control.build(horizon), values, 20, 100), "problem": "control"}
+
+
+def _measure(
+    backend: str,
+    model: cp.Problem,
+    values: list[Numbers],
+    few: int,
+    many: int,
+    rebuild: Callable[[Numbers], cp.Problem] | None = None,
+) -> Row:
+    """Time cvxpy a few times, and the compiled problem many times."""
+    compiled = solvers.compile(model, backend, tolerance=TOLERANCE)
     solved = [compiled.solve(**value) for value in values]
     total = _median_time(lambda value: compiled.solve(**value), values, many)
     adapter = []
     for k in range(many):
         solution = compiled.solve(**values[k % len(values)])
         adapter.append(solution.setup_time + solution.solve_time)
-    raw = float("nan")
-    if backend in RAW:
-        cases = standard_form(values, pattern)
-        raw = _median_time(RAW[backend](metric, cases), cases, many)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # cvxpy's remarks on accuracy and on its own sparse Parameters
+        again = _time_cvxpy(backend, lambda case: _assign(model, case), values, few)
+        rebuilt = float("nan") if rebuild is None else _time_cvxpy(backend, rebuild, values, few)
     return {
-        "variables": n,
-        "rows": rows,
+        "variables": compiled.program.variables,
+        "rows": compiled.program.rows,
         "backend": backend,
-        "rebuild": rebuild,
+        "answered": "/".join(sorted({solution.backend for solution in solved})),
+        "rebuild": rebuilt,
         "problem_solve": again,
         "compiled": total,
         "adapter": 1e6 * float(np.median(adapter)),
-        "raw": raw,
+        "raw": float("nan"),
         "speedup": again / total,
-        "overhead": total - raw,
+        "overhead": float("nan"),
         "verified": sum(solution.ok for solution in solved) / len(solved),
     }
 
@@ -112,49 +145,40 @@ def _median_time(function: Callable[[Numbers], object], arguments: list[Numbers]
     return 1e6 * float(np.median(times))
 
 
-def _time_cvxpy(
-    backend: str, metric: np.ndarray, pattern: np.ndarray, values: list[Numbers], repeat: int
-) -> list[float]:
-    """Rebuild and re-solve through cvxpy, nan where cvxpy has no interface to the solver or that fails."""
+def _assign(model: cp.Problem, values: Numbers) -> cp.Problem:
+    for parameter in model.parameters():
+        value = values[parameter.name()]
+        if parameter.attributes["sparsity"]:
+            found = parameter.sparse_idx
+            parameter.value_sparse = sparse.coo_array((value[found], found), shape=value.shape)
+        else:
+            parameter.value = value
+    return model
+
+
+def _time_cvxpy(backend: str, pose: Callable[[Numbers], cp.Problem], values: list[Numbers], repeat: int) -> float:
+    """Solve through cvxpy what is posed, nan where it has no interface to the solver or that fails."""
     if backend.upper() not in cp.installed_solvers():
-        return [float("nan")] * 2
-    solver = backend.upper()
+        return float("nan")
     settings: dict[str, Any] = tolerances.settings(backend, TOLERANCE)
     if backend == "osqp":
         settings["polishing"] = False
-
-    def rebuild(case: Numbers) -> None:
-        _build(metric, pattern, case).solve(solver=solver, **settings)
-
-    model = _build(metric, pattern)
-    parameters = {parameter.name(): parameter for parameter in model.parameters()}
-
-    def again(case: Numbers) -> None:
-        for name, parameter in parameters.items():
-            if parameter.attributes["sparsity"]:
-                found = np.nonzero(pattern)
-                parameter.value_sparse = sparse.coo_array((case[name][found], found), shape=pattern.shape)
-            else:
-                parameter.value = case[name]
-        model.solve(solver=solver, **settings)
-
-    times = []
-    for function in (rebuild, again):
-        try:
-            times.append(_median_time(function, values, repeat))
-        except (cp.SolverError, TypeError, ValueError):
-            times.append(float("nan"))
-    return times
+    try:
+        return _median_time(lambda case: pose(case).solve(solver=backend.upper(), **settings), values, repeat)
+    except (cp.SolverError, TypeError, ValueError):
+        return float("nan")
 
 
 PART = Part(
     name="backends",
     title="median µs per re-solve, every parameter changing",
-    keys=("variables", "rows", "backend"),
+    keys=("problem", "variables", "rows", "backend"),
     columns=(
+        Column("problem", "problem"),
         Column("variables", "n"),
         Column("rows", "rows"),
         Column("backend", "backend"),
+        Column("answered", "answered by"),
         Column("rebuild", "rebuild", ".0f"),
         Column("problem_solve", "solve()", ".0f"),
         Column("compiled", "compiled", ".1f", compared=True),

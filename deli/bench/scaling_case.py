@@ -1,7 +1,6 @@
 """One case of `deli.bench.scaling`, in a process of its own: ``python -m deli.bench.scaling_case SCENE N SECONDS``."""
 
 import json
-import resource
 import sys
 import time
 from typing import Any
@@ -11,7 +10,6 @@ import numpy as np
 import deli
 from deli.bench.part import Row
 from deli.kernels.advance import make_block
-from deli.mechanics import symmetry
 from deli.mechanics.scene import Scene
 from deli.scenes.registry import defaults, get
 
@@ -61,6 +59,8 @@ def measure(name: str, bodies: int, seconds: float) -> Row:
     elapsed = time.perf_counter() - began
     searched, solved = stepper.search_seconds - searched_before, _solver_seconds(block, stepper) - solved_before
     steps = int(progress[0]) - warmed
+    import resource  # of POSIX systems
+
     peak = 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024.0 if sys.platform == "darwin" else 1.0)
     if error is not None:
         return {"failed": f"step {int(progress[0]) + 1}: {error}", "simulated": scene.bodies}
@@ -97,7 +97,7 @@ def _errors(scene: Scene, diagnostics: np.ndarray, momentum: np.ndarray) -> Row:
     """Largest errors of all rows, of energy and momentum relative to what there is of them."""
     energy = diagnostics[:, 0] + diagnostics[:, 1]
     size = max(abs(energy[0]), float(diagnostics[:, 0].max()))
-    kept = np.flatnonzero(symmetry.conserved(scene).linear)
+    kept = np.flatnonzero(np.array(scene.symmetry.linear, dtype=bool))
     row: Row = {"energy_error": float(np.abs(energy - energy[0]).max()) / size}
     if kept.size:
         total = diagnostics[:, 4 + kept]

@@ -9,6 +9,7 @@ import time
 import numpy as np
 
 from deli.bench.part import Column, Measure, Part, Row
+from solvers.code_folder import SETTING, SHARED
 
 REPEAT, QUICK_REPEAT = 5, 3
 LIMIT = 600.0
@@ -42,7 +43,7 @@ def _median(arguments: tuple[str, ...], repeat: int) -> float:
 
 def _cold() -> float:
     with tempfile.TemporaryDirectory() as empty:
-        return _seconds(_RUN, NUMBA_CACHE_DIR=empty)
+        return _seconds(_RUN, **{SETTING: empty, SHARED: empty})
 
 
 def _seconds(arguments: tuple[str, ...], **variables: str) -> float:

@@ -11,9 +11,10 @@ from deli.bench.part import Row
 from deli.errors import InputError
 from deli.recording import provenance
 from deli.recording.whole import write_text
+from deli.version import __version__
 
 FORMAT = 1
-_PACKAGES = ("deli", "numpy", "scipy", "numba", "cvxpy", "clarabel", "osqp", "daqp", "piqp")
+_PACKAGES = ("numpy", "scipy", "numba", "cvxpy", "clarabel", "osqp", "daqp", "piqp")
 
 Results = dict[str, dict[str, Any]]
 """By part: ``date``, ``versions``, ``machine``, ``quick`` and ``rows``."""
@@ -23,7 +24,11 @@ def entry(rows: list[Row], quick: bool) -> dict[str, Any]:
     """Return rows of a part with where and when they were measured."""
     return {
         "date": provenance.now(),
-        "versions": {"python": platform.python_version(), **{name: provenance.version(name) for name in _PACKAGES}},
+        "versions": {
+            "python": platform.python_version(),
+            "deli": __version__,
+            **{name: provenance.version(name) for name in _PACKAGES},
+        },
         "machine": machine(),
         "quick": quick,
         "rows": rows,

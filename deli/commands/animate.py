@@ -6,11 +6,13 @@ from typing import Annotated
 import typer
 
 from deli.commands.console import RUN_FAILED, complain, console, guarded
+from deli.commands.files import NETCDF, require_kind
 
 
 @guarded
 def animate(
     file: Annotated[Path, typer.Argument(metavar="FILE.nc", help="A recorded run, finished or partial.")],
+    member: Annotated[int | None, typer.Option(help="Show this member of an ensemble, counted from 0.")] = None,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="GIF|MP4", help="Film to write, .gif or .mp4 (default: FILE.gif)."),
@@ -38,17 +40,20 @@ def animate(
 ) -> None:
     """Animate a recorded run: the bodies in their place, the time, and the energy error.
 
-    Frames are equidistant in simulated time. An MP4 needs ffmpeg (`pip install 'deli[movies]'`). Of a scene of your
-    own, which a file does not hold, bodies are points; `deli.plotting.save_animation(run, path, scene)` draws it.
+    Frames are equidistant in simulated time. An MP4 needs ffmpeg (`pip install '.[movies]'` in a checkout). Of a
+    scene of your own, which a file does not hold, bodies are points;
+    `deli.plotting.save_animation(run, path, scene)` draws it.
     Exit status: 0 done, 1 writing failed or was interrupted (there is no film then), 2 the input is at fault.
     """
     from deli.plotting import check_movie, save_animation
     from deli.plotting.style import known_scene
+    from deli.recording.members import member_of
     from deli.simulation import open_run
 
     target = output or Path(str(file).removesuffix(".partial")).with_suffix(".gif")
+    require_kind(file, "animate", "a recorded run", NETCDF)
     check_movie(target, overwrite=overwrite)
-    run = open_run(file)
+    run = open_run(file) if member is None else member_of(open_run(file), member)
     if not quiet and known_scene(run, None) is None:
         console().print("The scene is not one of deli's own: bodies are drawn as points, without walls.")
     try:

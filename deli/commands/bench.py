@@ -42,6 +42,8 @@ def bench(
     unknown = [name for name in names or () if name not in PARTS]
     if unknown:
         raise InputError(f"{unknown[0]!r} is no part of the benchmark; choose from {', '.join(PARTS)}.")
+    if output.suffix.lower() != ".json":
+        raise InputError(f"output {output}: found the suffix {output.suffix!r}; results are JSON, allowed: .json.")
     if not output.parent.is_dir():
         raise InputError(f"{output} cannot be written: there is no folder {output.parent}.")
 

@@ -6,22 +6,25 @@ from typing import Annotated
 import typer
 
 from deli.commands.console import INPUT_AT_FAULT, complain, console, guarded
+from deli.commands.files import CONFIG, NETCDF, require_kind
 from deli.commands.run import Settings, read_config
 
 
 @guarded
 def check(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A config (.toml) or a recorded run.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A config (.toml), a recorded run or an ensemble.")],
     settings: Settings = None,
 ) -> None:
     """Check a config or a recorded run without running anything.
 
     Of a config: says what would run. Of a run: verifies the schema, the committed rows, that values are finite, and
-    that energies, momenta and gaps follow from the recorded states where the scene is one of deli's own. Exit status
-    2 if something does not hold.
+    that energies, momenta and gaps follow from the recorded states where the scene is one of deli's own. Of an
+    ensemble: the same of all members, as far as it follows without their scenes. Exit status 2 if something does not
+    hold.
     """
     from deli.commands.tables import print_plan
 
+    require_kind(file, "check", "a run's config (.toml) or a recorded run", CONFIG, NETCDF)
     if file.suffix == ".toml":
         config = read_config(str(file), settings or [])
         print_plan(console(), config.plan(config.output, overwrite=True))

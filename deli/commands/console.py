@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 
 from deli.errors import DeliError, InputError
+from deli.kernels import LOGGERS
 
 RUN_FAILED, INPUT_AT_FAULT = 1, 2
 PLAIN_WIDTH = 120
@@ -41,12 +42,24 @@ def complain(message: object) -> None:
     typer.echo(f"deli: {shown}", err=True)
 
 
+class _Spoken(logging.Handler):
+    """Says what is logged as commands say things."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        complain(record.getMessage())
+
+
+_SPOKEN = _Spoken(logging.WARNING)
+
+
 def guarded(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Turn deli's errors into one message and an exit status: 2 where the input is at fault, 1 where the run is."""
 
     @functools.wraps(command)
     def wrapped(*args: Parameters.args, **keywords: Parameters.kwargs) -> Result:
         logging.getLogger("deli").addHandler(logging.NullHandler())  # commands say themselves how a run ended
+        for name in LOGGERS:  # but not that something is compiled, and where its code goes
+            logging.getLogger(name).addHandler(_SPOKEN)
         try:
             return command(*args, **keywords)
         except InputError as error:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deli.commands.console import RUN_FAILED, complain, console, guarded
+from deli.commands.files import CONFIG_FOLDER, FOLDER, require_kind
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,6 +41,8 @@ def figures(
     from deli.figures import CONFIGS, Maker, load_folder
     from deli.running.interrupts import Interrupted
 
+    if configs is not None:
+        require_kind(configs, "figures", "a folder of figures' configs as --configs", CONFIG_FOLDER, FOLDER)
     chosen = load_folder(configs or CONFIGS, names or ())
     if listing:
         _print_list(chosen)

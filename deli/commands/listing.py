@@ -72,7 +72,10 @@ def backends() -> None:
 
     table = Table("backend", "version", "a tolerance t sets")
     for chain, members in CHAINS.items():
-        table.add_row(chain, "-", f"those of {', then '.join(members)}: the next one takes over where one fails")
+        found = (
+            f"those of {', then '.join(members)}: the next one takes over where one fails; others for large programs"
+        )
+        table.add_row(chain, "-", found)
     for info in known_backends():
         mapping = ", ".join(f"{key} = {factor:g} t" for key, factor in TOLERANCES.get(info.name, {}).items())
         found = backend_version(info.name) if info.installed else f"not installed: {info.install}"

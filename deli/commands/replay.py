@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deli.commands.console import console, guarded
+from deli.commands.files import NETCDF, require_kind
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -46,7 +47,9 @@ def replay(
     plot: Annotated[
         Path | None, typer.Option("--plot", metavar="PNG", help="Draw performance profiles and errors into this file.")
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the output if it exists.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the output, and the picture, if they exist.")
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show neither progress bar nor tables.")] = False,
 ) -> None:
     """Solve recorded subproblems again with every backend, and report verified accuracy and time.
@@ -64,12 +67,14 @@ def replay(
     from deli.replaying.tables import print_replay
 
     names = [name.strip() for part in backends for name in part.split(",") if name.strip()] if backends else None
+    if file is not None:
+        require_kind(file, "replay", "a run with recorded subproblems", NETCDF)
     if output is not None:
         check_output(output, resume=False, overwrite=overwrite)
     if plot is not None:
         from deli.plotting import check_picture
 
-        check_picture(plot)
+        check_picture(plot, overwrite=overwrite)
     data: xr.Dataset = solve_again(
         file, backends=names, tolerance=tolerance, polish=polish, repeat=repeat, limit=limit, progress=not quiet
     )

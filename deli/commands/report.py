@@ -6,6 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from deli.commands.console import console, guarded
+from deli.commands.files import FOLDER, STUDY_FOLDER, require_kind
+from deli.numerals import numeral
+from deli.studies.states import DONE, EXCLUDED
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,6 +32,7 @@ def report(
     from deli.studies.plot_tables import HeatMap
     from deli.studies.report import plots_of, write_report
 
+    require_kind(folder, "report", "a study's folder", STUDY_FOLDER, FOLDER)
     study = open_study(folder)
     page, text = write_report(study)
     if not quiet:
@@ -60,10 +64,13 @@ def _print_map(plot: "HeatMap", study: "xr.Dataset") -> None:
 
 
 def _worst(cases: "xr.Dataset", value: str) -> str:
-    """The metric of largest magnitude of the cases, or how a case stands that has none."""
-    unfinished = [str(state) for state in cases["state"].values.ravel() if state != "done"]
-    return unfinished[0] if unfinished else _word(float(abs(cases[value]).max()))
+    """The metric of largest magnitude of the cases, or how a case stands that has none; excluded ones are no cases."""
+    states = [str(state) for state in cases["state"].values.ravel() if state != EXCLUDED]
+    unfinished = [state for state in states if state != DONE]
+    if not states or unfinished:
+        return unfinished[0] if states else EXCLUDED
+    return _word(float(abs(cases[value]).max()))
 
 
 def _word(label: Any) -> str:
-    return f"{label:.3g}" if isinstance(label, float) else str(label)
+    return numeral(label, 3) if isinstance(label, float) else str(label)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deli.commands.console import RUN_FAILED, complain, console, guarded
+from deli.commands.files import CONFIG, require_kind
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -36,7 +37,9 @@ def run(
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue an unfinished run; start anew where there is none.")
     ] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the output if it exists.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the output, and the picture, if they exist.")
+    ] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Check everything, say what would run, and stop.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
 ) -> None:
@@ -57,7 +60,7 @@ def run(
     if plot is not None:
         from deli.plotting import check_picture
 
-        check_picture(plot)
+        check_picture(plot, overwrite=overwrite or resume)
     if dry_run:
         print_plan(console(), plan)
         return
@@ -97,6 +100,7 @@ def read_config(source: str, settings: list[str]) -> "Config":
 
     if source in scenes.available():
         return parse({"scene": {"name": source}}, settings)
+    require_kind(Path(source), "run", "a run's config (.toml) or a scene's name", CONFIG)
     if source.endswith(".toml") or Path(source).exists():
         return load(source, settings)
     raise InputError(f"{source!r} is neither a file nor a scene; scenes: {listed(source, scenes.available())}.")

@@ -1,5 +1,6 @@
 """``deli study``: many runs from one file."""
 
+from collections.abc import Container
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -7,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deli.commands.console import RUN_FAILED, complain, console, guarded
+from deli.commands.files import STUDY, require_kind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -94,16 +96,19 @@ def study(
         [quick]                         # what --quick changes
         base.duration = 1.0
 
-    Also `title`, and `workers = 1` where times are to be compared. `"solvers.default.backend" = "installed"` stands for
-    all backends that are.
+    Also `title`; and where times are to be compared, `workers = 1` and `time_steps = true`: metrics `cpu_time`, of the
+    steps alone, and `recording_time`, of recording them. `"solvers.default.backend" = "installed"` stands for all
+    backends that are.
     """
     from deli.errors import InputError
     from deli.studies.display import Board, reasons
     from deli.studies.expansion import load
+    from deli.studies.planning import KEEP
     from deli.studies.running import plan_study, run_study
 
     if workers is not None and scheduler is not None:
         raise InputError("--workers and --scheduler are both given; a Dask scheduler has its own workers.")
+    require_kind(source, "study", "a study's file (.toml)", STUDY)
     checked, folder = load(source, quick), output or _folder_of(source)
     decisions = plan_study(checked, folder, retry_failed=retry_failed)
     if dry_run:
@@ -118,7 +123,8 @@ def study(
         )
     if not quiet:
         console().print(f"{_counted(result)}; in {folder}", soft_wrap=True)
-    _complain_of(result, folder)
+    told = set() if quiet else {decision.case.digest for decision in decisions if decision.action != KEEP}
+    _complain_of(result, folder, told)
 
 
 def _folder_of(source: Path) -> Path:
@@ -147,7 +153,8 @@ def _counted(result: "Result") -> str:
     return f"{result.states.total()} runs: " + ", ".join(f"{count} {state}" for state, count in result.states.items())
 
 
-def _complain_of(result: "Result", folder: Path) -> None:
+def _complain_of(result: "Result", folder: Path, told: Container[str]) -> None:
+    """Print what failed, but for the cases that were told when they ended, and how many."""
     from deli.studies.states import DONE, FAILURES
 
     if result.stopped is not None:
@@ -155,9 +162,10 @@ def _complain_of(result: "Result", folder: Path) -> None:
         raise typer.Exit(RUN_FAILED)
     if result.states[DONE] == result.states.total():
         return
-    failed = [(result.titles[digest], record) for digest, record in result.runs.items() if record["state"] != DONE]
-    for title, record in failed[:SHOWN_FAILURES]:
-        complain(": ".join(filter(None, (title, record["state"], record["reason"]))))
-    retry = " --retry-failed runs them again." if any(record["state"] in FAILURES for _, record in failed) else ""
+    failed = {digest: record for digest, record in result.runs.items() if record["state"] != DONE}
+    for digest in [digest for digest in failed if digest not in told][:SHOWN_FAILURES]:
+        record = failed[digest]
+        complain(": ".join(filter(None, (result.titles[digest], record["state"], record["reason"]))))
+    retry = " --retry-failed runs them again." if any(one["state"] in FAILURES for one in failed.values()) else ""
     complain(f"{len(failed)} of {result.states.total()} runs in {folder} are not done.{retry}")
     raise typer.Exit(RUN_FAILED)

@@ -8,6 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from deli.memory import in_words
+from deli.numerals import numeral
 from deli.recording import provenance
 from deli.recording.paths import partial_path
 from deli.recording.schema import STATS, TRAJECTORY, dataset_of
@@ -38,7 +39,8 @@ def print_summary(console: Console, run: "xr.DataTree") -> None:
     from deli import metrics
 
     trajectory, stats = dataset_of(run, TRAJECTORY), dataset_of(run, STATS)
-    found = {name: value.item() for name, value in metrics.measure(run).items()}
+    measured = metrics.measure(run)
+    found = {name: value.item() for name, value in measured.items()}
     console.print(run.attrs["title"], markup=False, soft_wrap=True)
     table = Table(show_header=False)
     _add(table, "outcome", run.attrs["outcome"])
@@ -47,10 +49,11 @@ def print_summary(console: Console, run: "xr.DataTree") -> None:
     _add(table, "energy error", f"{found['energy_low']:+.2e} … {found['energy_high']:+.2e}")
     if not math.isnan(found["energy_drift"]):
         _add(table, "energy drift", f"{found['energy_drift']:+.1e} ± {found['energy_drift_error']:.0e} a unit of time")
-    errors = ", ".join(f"{name} {error:.1e}" for name, error in metrics.momentum_errors(run).items())
-    _add(table, "momentum error", errors or "no component is conserved in this scene")
+    errors = [f"{name} {error:.1e}" for name, error in metrics.momentum_errors(run).items()]
+    errors += [f"{name}: not known whether this scene conserves it" for name in metrics.undecided_momenta(run)]
+    _add(table, "momentum error", ", ".join(errors) or "no component is conserved in this scene")
     if not math.isnan(found["violation_worst"]):
-        _add(table, "worst gap", f"{float(trajectory['gap_min'].min()):+.2e}")
+        _add(table, "smallest gap", f"{float(trajectory['gap_min'].min()):+.2e}")
     if not math.isnan(found["equality_residual"]):
         _add(table, "equality residual", f"{found['equality_residual']:.2e}")
     sums = stats[["solves", "skipped", "iterations", "fallbacks"]].sum("step")
@@ -58,6 +61,8 @@ def print_summary(console: Console, run: "xr.DataTree") -> None:
         work = {key: int(value) for key, value in sums.sel(subproblem=name).data_vars.items()}
         text = f"{work['solves']:,} solves, {work['skipped']:,} skipped, {work['iterations']:,} iterations"
         _add(table, str(name), text + (f", {work['fallbacks']:,} fallbacks" if work["fallbacks"] else ""))
+    if "note" in measured.attrs:
+        _add(table, "note", measured.attrs["note"])
     rest = found["wall_time"] - found["solver_time"] - found["overhead_time"]
     times = f"{found['solver_time']:.3g} s solver, {found['overhead_time']:.3g} s overhead, {rest:.3g} s rest"
     _add(table, "time", f"{times}; {found['wall_time']:.3g} s in all")
@@ -69,7 +74,7 @@ def _add(table: Table, *cells: str) -> None:
 
 
 def _literal(value: object) -> str:
-    return f"{value:.9g}" if isinstance(value, float) else str(value)
+    return numeral(value, 9) if isinstance(value, float) else str(value)
 
 
 def _resumption(plan: Plan) -> str:

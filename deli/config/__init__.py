@@ -8,6 +8,7 @@ import json
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from pydantic import ValidationError
@@ -19,9 +20,12 @@ from deli.config.reading import read_toml, refuse_unusable
 from deli.errors import InputError
 from deli.integrators.registry import METHODS
 from deli.mechanics.scene import Scene
+from deli.recording.provenance import MADE_IN_PYTHON
 from deli.running.plan import Plan, make_plan
 
 LENGTHS = ("steps", "duration")
+
+__all__ = ["Config", "load", "parse"]
 
 
 @dataclass(frozen=True)
@@ -95,7 +99,7 @@ def parse(table: Mapping[str, Any], overrides: Iterable[str] = ()) -> Config:
     """
     refuse_unusable(table)
     filled = apply_overrides(expand(table), overrides)
-    scene = _named(filled, "scene", scenes.available())
+    scene = _named(filled, "scene", scenes.available(), MADE_IN_PYTHON)
     if isinstance(filled.setdefault("method", {}), dict):
         filled["method"].setdefault("name", "gvi")
     method = _named(filled, "method", METHODS)
@@ -123,12 +127,17 @@ def _inherited(solvers: dict[str, Any]) -> dict[str, Any]:
     return {name: choice if "backend" in choice else {**default, **choice} for name, choice in solvers.items()}
 
 
-def _named(table: dict[str, Any], key: str, allowed: Collection[str]) -> str:
+def _named(
+    table: dict[str, Any], key: str, allowed: Collection[str], recorded: Mapping[str, str] = MappingProxyType({})
+) -> str:
+    """Return an entry's name; `recorded` are names that runs are recorded under and why those do not run again."""
     entry = table.get(key)
     if not isinstance(entry, dict):
         found = "is missing" if entry is None else f"is {entry!r}"
         raise InputError(f"{key} {found}; expected a table [{key}] with a name, one of: {', '.join(allowed)}.")
     name = entry.get("name")
+    if isinstance(name, str) and name in recorded:
+        raise InputError(f"{key}.name is {name!r}, and a run recorded so does not run again: {recorded[name]}.")
     if not isinstance(name, str) or name not in allowed:
         raise InputError(unknown(f"{key}.name", name, allowed))
     return str(name)

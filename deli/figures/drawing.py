@@ -16,7 +16,7 @@ from deli.figures.model import DrawnRunTable, FigureConfig, PanelTable
 from deli.figures.quantities import QUANTITIES
 from deli.mechanics.scene import Scene
 from deli.plotting import shapes
-from deli.plotting.lines import color, draw_range, legend_above, plain, unit
+from deli.plotting.lines import color, draw_line, legend_above, plain, unit
 from deli.plotting.style import STYLE, new_figure
 from deli.plotting.trajectory import draw_bodies, draw_container, draw_links, sphere
 from deli.recording.schema import dataset_of
@@ -35,7 +35,7 @@ def draw(config: FigureConfig, data: xr.DataTree) -> Figure:
             figure = _draw_paths(data)
         else:
             figure = _draw_snapshots(data)
-        shortened = " (quick: shorter runs)" if data.attrs["quick"] else ""
+        shortened = " (quick: shorter runs)" if data.attrs["quick"] and config.table.quick else ""
         figure.suptitle(f"{plain(config.name)}  {plain(config.table.title)}{shortened}", fontsize=11)
     return figure
 
@@ -58,16 +58,13 @@ def _draw_panel(axes: Axes, panel: PanelTable, runs: Mapping[str, DrawnRunTable]
     chosen = panel.runs or list(runs)
     for run in chosen:
         shown, drawn = dataset_of(data, run), runs[run]
-        label = plain(drawn.label)
+        label = plain(drawn.label) + _reservations(shown)
         time = shown["time"].values
         lines = [line for name in panel.quantities for line in _lines(name, shown[name])]
         for index, (symbol, values) in enumerate(lines):
             words = [label] if len(lines) == 1 else [symbol] if len(chosen) == 1 else [label, symbol]
             hue = color(index) if len(lines) > 1 and len(chosen) == 1 else HUES[drawn.color]
-            if panel.draw == "range":
-                draw_range(axes, time, values, hue, ", ".join(words))
-            else:
-                axes.plot(time, values, color=hue, linestyle=drawn.style, linewidth=0.8, label=", ".join(words))
+            draw_line(axes, time, values, hue, ", ".join(words), linestyle=drawn.style, linewidth=0.8)
         if len(lines) > 1 and len(chosen) == 1:
             axes.set_title(label)
     labels = [
@@ -79,6 +76,16 @@ def _draw_panel(axes: Axes, panel: PanelTable, runs: Mapping[str, DrawnRunTable]
     legend_above(axes)
 
 
+def _reservations(shown: xr.Dataset) -> str:
+    """Return what a line would not tell of its run: that most steps are not recorded, or that it ended early."""
+    words = []
+    if (every := tomllib.loads(shown.attrs["config"])["record"]["every"]) > 1:
+        words.append(f"one step in {every}")
+    if shown.attrs["outcome"] != "complete":
+        words.append(f"stopped at time {float(shown['time'][-1]):.6g}")
+    return f" ({', '.join(words)})" if words else ""
+
+
 def _set_limits(axes: Axes, panel: PanelTable) -> None:
     """Set the limits of the values as told, or so that what is constant to rounding looks constant."""
     low, high = axes.dataLim.intervaly
@@ -87,8 +94,6 @@ def _set_limits(axes: Axes, panel: PanelTable) -> None:
         axes.set_ylim(*panel.limits)
     elif high - low <= FLAT * scale:
         axes.set_ylim(low - 0.1 * scale, high + 0.1 * scale)
-    elif panel.draw == "range":
-        axes.margins(y=0.25)
 
 
 def _lines(name: str, values: xr.DataArray) -> list[tuple[str, np.ndarray]]:
@@ -108,7 +113,8 @@ def _draw_paths(data: xr.DataTree) -> Figure:
     for body in range(scene.bodies):
         axes.plot(*places[:, body].T, color=color(body), linewidth=0.25, label=f"body {body + 1}")
     _draw_walls(axes, scene)
-    axes.set_title(f"time {time[0]:.6g} to {time[-1]:.6g}")
+    (shown,) = (dataset_of(data, name) for name in data.children)
+    axes.set_title(f"time {time[0]:.6g} to {time[-1]:.6g}{_reservations(shown)}")
     legend = axes.legend(loc="upper right")
     for line in legend.get_lines():
         line.set_linewidth(1.5)

@@ -16,12 +16,12 @@ from deli.figures.exact import SOLUTIONS
 from deli.figures.model import FigureConfig
 from deli.figures.quantities import extract
 from deli.plotting.figures import check_picture, write_picture
-from deli.recording import provenance
 from deli.recording.paths import check_name, check_output
 from deli.recording.schema import TRAJECTORY, Schema, dataset_of
 from deli.recording.whole import write_tree
 from deli.running.plan import Plan
 from deli.simulation import run_plan
+from deli.version import __version__
 
 RUN_ATTRIBUTES = (
     "title",
@@ -168,6 +168,6 @@ def _evaluated(plan: Plan, solution: str) -> xr.Dataset:
         "title": f"{plan.scene.name}: {solution} in closed form",
         "config": tomli_w.dumps(plan.config()),
         "outcome": "complete",
-        "deli_version": provenance.version("deli"),
+        "deli_version": __version__,
     }
     return xr.Dataset(variables, attrs=attributes).set_coords("time")

@@ -24,14 +24,10 @@ Style = Literal["solid", "dashed", "dotted"]
 
 
 class PanelTable(Table):
-    """Quantities over time on axes of their own; of all runs unless some are named.
-
-    Drawn as ``lines``, or as their ``range`` and running mean where they oscillate too fast for the eye.
-    """
+    """Quantities over time on axes of their own; of all runs unless some are named."""
 
     quantities: Annotated[list[Quantity], Field(min_length=1)]
     runs: list[str] | None = None
-    draw: Literal["lines", "range"] = "lines"
     limits: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
 
 

@@ -27,7 +27,7 @@ def work_arrays(
     values = ("gaps", "gaps_moved", "level", "base", "approach", "still")
     pressures = ("pressed", "scaled", "best_pressed", "best_scaled")
     flags = _each(("touching", "active", "landing", "resting"), rows)
-    lists = _each(("marked", "chosen", "smooth", "pressing"), rows) | {"ticks": (2,), "meeting": (3,)}
+    lists = _each(("marked", "chosen", "smooth", "pressing"), rows) | {"ticks": (2,), "meeting": (3,), "struck": (1,)}
     shapes: dict[str, tuple[int, ...]] = {
         **_each(Work._fields, dof),
         **_each((*values, *pressures), rows),

@@ -1,36 +1,44 @@
 """A stepper whose steps SciPy takes, from event to event."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from deli.errors import StepError
-from deli.integrators.solve_ivp import SolveIvp
+from deli.integrators.recipe import Recipe
 from deli.integrators.stepper import Stepper
 from deli.kernels.codes import POSITION
+from deli.kernels.contacts import VIOLATED
 from deli.kernels.record import Record
 from deli.mechanics.scene import Scene
 
 MOST_EVENTS = 1000  # of one step
-AT_ONCE = 1e-12  # part of a step within which two events mean that the motion does not get on
+_ROUNDING = 8 * 2.0**-52  # of positions and of the way of one step, which leaks into gaps
+_OPENED = 8.0  # roundings that a contact must open by before it is met again
 
 
 class EventStepper(Stepper):
-    """A stepper whose steps are taken by SciPy, and its reflections and records by kernels."""
+    """A stepper whose steps are taken by SciPy, and its reflections and records by kernels.
+
+    `settings` are keywords of `scipy.integrate.solve_ivp`.
+    """
 
     def __init__(
         self,
-        method: SolveIvp,
         scene: Scene,
         step_size: float,
+        recipe: Recipe,
         solvers: object,
         skip: bool,
         contact_tolerance: float,
+        settings: Mapping[str, Any],
     ) -> None:
-        super().__init__(scene, step_size, method.recipe(), solvers, skip, contact_tolerance)
-        self._method, self._span = method, float(step_size)
+        # What is met to rounding must touch, to be reflected.
+        super().__init__(scene, step_size, recipe, solvers, skip, max(contact_tolerance, VIOLATED))
+        self._settings, self._span = settings, float(step_size)
 
     def step(
         self, position: np.ndarray, momentum: np.ndarray, memory: np.ndarray | None = None
@@ -47,9 +55,11 @@ class EventStepper(Stepper):
             q, p = (part.copy() for part in self.state)
             try:
                 following = self._integrate(q, p)
-            except StepError as error:
+            except BaseException as error:
                 self.place(q, p)
-                return error
+                if isinstance(error, StepError):
+                    return error
+                raise
             self.place(*following)
             progress[0] += 1
             if progress[0] % every == 0 or progress[0] == steps:
@@ -59,21 +69,31 @@ class EventStepper(Stepper):
         return None
 
     def _integrate(self, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Integrate from (q, p) over one step, event by event."""
-        scene, method, span, dof = self.scene, self._method, self._span, self.scene.dof
+        """Integrate from (q, p) over one step; one that fails reflects nothing."""
+        struck = self.stats.reflected_contacts
+        try:
+            return self._follow(q, p)
+        except BaseException:
+            self.stats.tally.contacts[1] = struck
+            raise
+
+    def _follow(self, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Integrate from (q, p) over one step, event by event; contacts that touch at its start are an event."""
+        scene, span, dof = self.scene, self._span, self.scene.dof
         mass = scene.mass
 
         def rates(_: float, y: np.ndarray) -> np.ndarray:
             return span * np.concatenate([y[dof:], -scene.potential.gradient(y[:dof]) / mass])
 
-        gaps = _Gaps(scene)
+        gaps = _Gaps(scene, span)
         events = [gaps.event(row) for row in range(scene.unilateral.rows)]
         now, y = 0.0, np.concatenate([q, p / mass])  # time in steps: SciPy finds events to an absolute 1e-15
         for number in range(MOST_EVENTS):
-            found = solve_ivp(
-                rates, (now, 1.0), y,
-                method=method.algorithm, rtol=method.rtol, atol=method.atol, events=events,
-            )  # fmt: skip
+            if gaps.begin(y):
+                y[dof:] = self.reflect(y[:dof], mass * y[dof:]) / mass
+            if now >= 1.0:
+                return y[:dof].copy(), mass * y[dof:]
+            found = solve_ivp(rates, (now, 1.0), y, events=events, **self._settings)
             self.stats.iterations[POSITION] += found.nfev
             y = found.y[:, -1]
             if found.status < 0 or not np.isfinite(y).all():
@@ -81,29 +101,57 @@ class EventStepper(Stepper):
                 raise StepError(f"solve_ivp: {found.message} {where}; try another algorithm or rtol.")
             if found.status == 0:
                 return y[:dof].copy(), mass * y[dof:]
-            stuck, now = found.t[-1] - now <= AT_ONCE, found.t[-1]
-            if stuck and number:
+            (row,) = (row for row, times in enumerate(found.t_events) if len(times))
+            if not gaps.opened(row, y, found.t[-1] - now):
                 raise StepError(
-                    f"solve_ivp: a contact is met again at once, after {number} events of the step, {now * span:.6g} "
-                    f"into its {span:g}: contacts rest or slide, or impacts accumulate; use deli.GVI."
+                    f"solve_ivp: unilateral constraint {row} is met again before it opens, after {number} events of "
+                    f"the step, {found.t[-1] * span:.6g} into its {span:g}: contacts rest or slide, or impacts "
+                    "accumulate; use deli.GVI."
                 )
-            y[dof:] = self.reflect(y[:dof], mass * y[dof:]) / mass
+            now = found.t[-1]
         raise StepError(f"solve_ivp: {MOST_EVENTS} events in one step; use a smaller step_size, or deli.GVI.")
 
 
 class _Gaps:
-    """All gaps at once, for events that ask for them one by one."""
+    """All gaps at once, for events that ask for them one by one.
 
-    def __init__(self, scene: Scene) -> None:
-        self._scene, self._time, self._values = scene, np.nan, np.empty(0)
+    A contact that touches to rounding where motion begins is not met there, whatever the sign of its gap: it is met
+    where it falls below that by more than rounding.
+    """
+
+    def __init__(self, scene: Scene, span: float) -> None:
+        self._scene, self._span = scene, span
+        self._time, self._values = np.nan, np.empty(0)
+        self._touching, self._level = np.empty(0, dtype=bool), np.empty(0)
+
+    def begin(self, y: np.ndarray) -> bool:
+        """Begin at a state; return whether any contact touches there to rounding, or is violated."""
+        gaps, rounding = self._scene.unilateral.value(y[: self._scene.dof]), self._rounding(y)
+        self._touching = gaps <= rounding
+        self._level = np.where(self._touching, gaps - rounding, 0.0)
+        self._time = np.nan
+        return bool(self._touching.any())
 
     def event(self, row: int) -> Callable[[float, np.ndarray], float]:
-        """Return an event that ends the integration where one gap becomes negative."""
+        """Return an event that ends the integration where one gap falls below its level."""
 
-        def gap(now: float, y: np.ndarray) -> float:
+        def above(now: float, y: np.ndarray) -> float:
             if now != self._time:
-                self._time, self._values = now, self._scene.unilateral.value(y[: self._scene.dof])
+                self._time, self._values = now, self._scene.unilateral.value(y[: self._scene.dof]) - self._level
             return float(self._values[row])
 
-        gap.terminal, gap.direction = True, -1  # type: ignore[attr-defined]
-        return gap
+        above.terminal, above.direction = True, -1  # type: ignore[attr-defined]
+        return above
+
+    def opened(self, row: int, y: np.ndarray, steps: float) -> bool:
+        """Whether a contact that is met has opened meanwhile by more than rounding: its speed times the time tells."""
+        if not self._touching[row]:
+            return True
+        q, velocity = np.split(y, 2)
+        way = abs(self._scene.unilateral.jacobian(q)[row] @ velocity) * steps * self._span
+        return bool(way > _OPENED * self._rounding(y)[row])
+
+    def _rounding(self, y: np.ndarray) -> np.ndarray:
+        q, velocity = np.split(y, 2)
+        size = self._scene.length_scale + np.abs(q).max() + self._span * np.abs(velocity).max()
+        return _ROUNDING * size * np.linalg.norm(self._scene.unilateral.jacobian(q), axis=1)

@@ -35,7 +35,7 @@ class GVI(Integrator):
         Where 𝔸 comes from: the unconstrained step (8.1), or the step's own result, repeated until it violates nothing.
         What a reflection cannot keep apart for a whole step lands: it keeps its gap, ``0 <= λ ⊥ g(x) - g(q) >= 0``,
         and the energy of its momentum along ∇g. A step then ends with g(x) >= -tolerance, or with a `StepError`; see
-        ``docs/closed_loop.md``.
+        ``docs/explanation/closed_loop.md``.
     linearized : bool
         Within a step, replace every constraint by its tangent at the prediction qᵖ, g(y) ≈ g(qᵖ) + ∇g(qᵖ)ᵀ(y − qᵖ),
         for the comparison of Fig. 8.2d: energy stays bounded, but angular momentum is lost, for a tangent does not

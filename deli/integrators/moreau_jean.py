@@ -12,7 +12,8 @@ from deli.kernels.codes import AFFINE
 class MoreauJean(Integrator):
     """Moreau-Jean scheme: contacts at the level of velocities, with Newton's restitution (Moreau 1988, Jean 1999).
 
-    With v = M⁻¹p and N over the constraints that g(q) + (h/2) ∇g(q)ᵀv ≤ 0 forecasts, one step solves
+    With v = M⁻¹p and N over the constraints that g(q) + (h/2) ∇g(q)ᵀv ≤ 0 forecasts, or that touch and do not open,
+    g(q) = 0 and ∇g(q)ᵀv ≤ 0 to the contact tolerance, one step solves
 
         M(v⁺ − v) = −h [(1 − θ) ∇V(q) + θ ∇V(x)] + N(q)λ + F(q)ν,   x = q + h [θ v⁺ + (1 − θ) v]
         0 ≤ λ ⊥ N(q)ᵀ(v⁺ + e v) ≥ 0,   F(q)ᵀv⁺ = 0

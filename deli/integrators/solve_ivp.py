@@ -20,12 +20,14 @@ class SolveIvp(Integrator):
     """Adaptive integration between events by `scipy.integrate.solve_ivp`, to compare geometric methods with.
 
     M q̈ = −∇V(q) is integrated over each step of size h to the tolerances given; where a gap crosses zero, all contacts
-    that touch are reflected by Algorithm 2, which conserves H, and the integration begins anew. Steps h only say where
-    states are recorded; nothing is carried over from one to the next. Evaluations of the force are counted as
-    iterations of the position subproblem.
+    that touch are reflected by Algorithm 2, which conserves H, and the integration begins anew. A gap that is zero to
+    rounding at the start of a step has crossed it there, so that an impact may fall on the end of a step. Steps h only
+    say where states are recorded; nothing is carried over from one to the next. Evaluations of the force are counted as
+    iterations of the position subproblem. A contact tolerance below 1e-12, which is rounding, counts as 1e-12.
 
-    A step ends with a StepError where contacts rest or slide, or impacts accumulate. A contact that is violated and
-    left again within one of the solver's own steps is not seen.
+    A step ends with a StepError where contacts rest or slide under a force, or impacts accumulate: where a contact is
+    met again before it has opened by more than rounding. A contact that is violated and left again within one of the
+    solver's own steps is not seen.
 
     Parameters
     ----------
@@ -69,4 +71,5 @@ class SolveIvp(Integrator):
             )
         from deli.integrators.event_stepper import EventStepper  # numba takes half a second to import
 
-        return EventStepper(self, scene, step_size, solvers, skip, contact_tolerance)
+        settings = {"method": self.algorithm, "rtol": self.rtol, "atol": self.atol}
+        return EventStepper(scene, step_size, self.recipe(), solvers, skip, contact_tolerance, settings)

@@ -37,7 +37,7 @@ class Block(NamedTuple):
     residuals : (rows, 3, 3) array
     status : (rows, 3) int64 array
     contacts : (rows, 2) int64 array
-        As in `Tally`.
+        As in `Tally`; of `counts` to `status` no row where they are not recorded.
     """
 
     progress: Numbers
@@ -79,7 +79,7 @@ def make_block(rows: int, dof: int, dimension: int, memory: int = 0) -> Record:
 
 @kernel
 def diagnose(machine: Machine, out: np.ndarray) -> int:
-    """Energies, least gap, equality residual, linear and angular work.p of one state, see `Block`."""
+    """Energies, least gap, equality residual, linear and angular momentum of one state, see `Block`."""
     system, work, mail = machine.system, machine.work, machine.mail
     dimension = system.dimension
     kinetic = 0.0
@@ -133,7 +133,7 @@ def record(machine: Machine, block: Block) -> int:
         block.momentum[row, k] = work.p[k]
         for name in range(block.memory.shape[1]):
             block.memory[row, name, k] = work.memory[name, k]
-    for subproblem in range(tally.status.size):
+    for subproblem in range(tally.status.size if block.status.shape[0] > 0 else 0):
         for k in range(tally.counts.shape[0]):
             block.counts[row, k, subproblem] = tally.counts[k, subproblem]
         for k in range(2):

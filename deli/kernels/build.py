@@ -12,7 +12,6 @@ from pathlib import Path
 
 import llvmlite.binding as llvm
 from filelock import FileLock
-from numba.core.caching import FunctionCache
 
 from deli.kernels import (
     advance,
@@ -32,8 +31,9 @@ from deli.kernels import (
 from deli.kernels.compiled import UNITS, Unit
 from deli.mechanics import tables
 from solvers import native as solver
+from solvers.kept import cache_of, find_room
 
-logger = logging.getLogger("deli")
+logger = logging.getLogger(__name__)
 
 # Units that few runs need: compiled when one does.
 _RARE = {
@@ -62,6 +62,7 @@ _COSTS = {
     islands.connect: 1.5,
     advance.record_state: 1.1,
 }
+_ROOM = 1 << 23  # bytes on disk, four times what they are
 _lock = threading.Lock()
 
 
@@ -71,24 +72,49 @@ def ready() -> None:
         wanted = [unit for symbol, unit in UNITS.items() if symbol not in _RARE and not unit.compiled]
         if not wanted:
             return
-        marker = _marker(wanted[0])
-        marker.parent.mkdir(parents=True, exist_ok=True)
-        with FileLock(marker.parent / "deli.lock") if not marker.exists() else nullcontext():
-            if not marker.exists():  # nor did another process make it while this one waited
-                logger.warning("compiling deli for this machine: once, some sixteen seconds on two cores")
-                _build(wanted)
-            for unit in wanted:
-                unit.compile()
-            marker.touch()
+        if not _on_disk(wanted[0]):
+            _make(wanted)
+        for unit in wanted:
+            unit.compile()
 
 
-def _marker(unit: Unit) -> Path:
-    """The file that says that units of these sources are on disk."""
-    folders = [Path(__file__).parent, Path(solver.__file__).parent]
-    sources = [*sorted(folders[0].glob("*.py")), *sorted(folders[1].glob("native*.py")), Path(tables.__file__)]
-    digest = hashlib.sha256(b"".join(source.read_bytes() for source in sources))
+def sources() -> list[Path]:
+    """Return the files whose text decides what the units are compiled to."""
+    solvers = Path(solver.__file__).parent
+    return [
+        *sorted(Path(__file__).parent.glob("*.py")),
+        *sorted(solvers.glob("native*.py")),
+        *(solvers / f"{name}.py" for name in ("absorbed", "kept", "code_folder")),
+        Path(tables.__file__),
+    ]
+
+
+def _make(units: list[Unit]) -> None:
+    """Compile units, and put them on disk where there is room for them."""
+    folder = find_room(units[0].function, _ROOM)
+    with nullcontext() if folder is None else FileLock(folder / "deli.lock"):
+        if _on_disk(units[0]):  # another process put them there while this one waited
+            return
+        logger.warning("compiling deli for this machine: some sixteen seconds on two cores")
+        if folder is not None:  # elsewhere, other processes could not leave them
+            _build(units)
+        for unit in units:
+            unit.compile()
+        if folder is not None:
+            (folder / _marker()).touch()
+
+
+def _on_disk(unit: Unit) -> bool:
+    """Whether units of these sources have been put on disk."""
+    folder = cache_of(unit.function).cache_path
+    return folder is not None and (Path(folder) / _marker()).exists()
+
+
+def _marker() -> str:
+    """Name of the file that says so."""
+    digest = hashlib.sha256(b"".join(source.read_bytes() for source in sources()))
     digest.update(repr((sys.version, version("numba"), version("llvmlite"), llvm.get_host_cpu_name())).encode())
-    return Path(FunctionCache(unit.function).cache_path) / f"deli-{digest.hexdigest()[:16]}"
+    return f"deli-{digest.hexdigest()[:16]}"
 
 
 def _build(units: list[Unit]) -> None:
@@ -97,7 +123,7 @@ def _build(units: list[Unit]) -> None:
     None in this one, where code that was linked to units that are merely declared would stay.
     """
     for unit in UNITS.values():  # numba knows a unit by its own file, not by the files of what it absorbs
-        FunctionCache(unit.function).flush()
+        cache_of(unit.function).flush()
     count = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, 4)
     shares: list[list[Unit]] = [[] for _ in range(count)]
     for unit in sorted(units, key=_cost, reverse=True):

@@ -4,15 +4,24 @@ import math
 
 from numba import types
 
-from deli.kernels.codes import ACCUMULATED, DONE, POSITION, REFLECTION, REFRESH, UNBALANCED
+from deli.kernels.codes import ACCUMULATED, DONE, POSITION, REFLECTION, UNBALANCED
 from deli.kernels.compiled import find_root, kernel, unit
-from deli.kernels.contacts import VIOLATED, begin, find_gaps, finite, gradients_here, strayed, velocity_zeros
+from deli.kernels.contacts import (
+    VIOLATED,
+    begin,
+    begin_anew,
+    end,
+    find_gaps,
+    gradients_here,
+    strayed,
+    velocity_zeros,
+)
 from deli.kernels.forces import gradient
 from deli.kernels.fractions import energy_after, gap_after, take
 from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.reflection import reflect
 from deli.kernels.rows import normal
-from deli.kernels.tally import copy_tally, skip
+from deli.kernels.tally import skip
 
 _ROUNDING = 2.0**-52
 _INSTANT = 4 * _ROUNDING  # part of a step that is none
@@ -45,7 +54,7 @@ def _locate(machine: Machine, row: int, span: float, h: float) -> tuple[int, flo
     One that touches at the start has left it: it is met again after the longest part, halving, in which it is open.
     """
     work = machine.work
-    work.meeting[0] = row
+    work.meeting[0], work.meeting[2] = row, DONE
     low, high = 0.0, span
     if work.gaps[row] <= VIOLATED * machine.system.gap_scale[row]:
         low = 0.5 * span
@@ -81,6 +90,7 @@ def _find_event(machine: Machine, row: int, rest: float, h: float) -> tuple[int,
 def _balance(machine: Machine) -> int:
     """Scale the impulse so that the discrete energy is conserved: by the root nearest 1."""
     work = machine.work
+    work.meeting[2] = DONE
     excess = energy_after(1.0, machine)
     other, low, high, reach = excess, 1.0, 1.0, _NEAR
     while work.meeting[2] == DONE and (other > 0.0) == (excess > 0.0):
@@ -159,7 +169,9 @@ def _collide(machine: Machine, h: float) -> int:
     while True:
         code = take(machine, rest, True)
         if code == DONE:
-            code = REFRESH if strayed(machine, work.moved) else find_gaps(machine, work.moved, work.gaps_moved)
+            if strayed(machine, work.moved):
+                return begin_anew(machine)
+            code = find_gaps(machine, work.moved, work.gaps_moved)
         if code != DONE:
             return code
         row = _first_violated(machine)
@@ -194,7 +206,7 @@ def _collide(machine: Machine, h: float) -> int:
 @unit(types.int64, MACHINE, *(types.int64,) * 3, needs=(take, gap_after, energy_after))
 def collide(machine: Machine, known: int, _one: int, _two: int) -> int:
     """Write the state one step after (``work.q``, ``work.p``), as `deli.kernels.step.step` does."""
-    work, tally = machine.work, machine.tally
+    work = machine.work
     code = begin(machine, known)
     if code != DONE:
         return code
@@ -202,14 +214,9 @@ def collide(machine: Machine, known: int, _one: int, _two: int) -> int:
     for k in range(work.q.size):
         work.start[k] = work.event[k] = work.q[k]
         work.start_momentum[k] = work.event_momentum[k] = work.p[k]
-    if machine.system.reference.size > 0:
-        copy_tally(tally, machine.kept)
     code = _collide(machine, h)
     work.span[0] = h
     for k in range(work.q.size):
         work.q[k] = work.start[k]
         work.p[k] = work.start_momentum[k]
-    if code == REFRESH:
-        copy_tally(machine.kept, tally)
-    tally.contacts[0] = 0
-    return finite(work) if code == DONE else code
+    return end(machine, 0) if code == DONE else code

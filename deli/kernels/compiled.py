@@ -8,11 +8,12 @@ from typing import Any
 import llvmlite.binding as llvm
 import numpy as np
 from llvmlite import ir
-from numba import cfunc, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
 from solvers.absorbed import PlainCompiler, absorbed, inlined
+from solvers.kept import kept_callback
 
 _WORD = ir.IntType(64)
 _C = {types.float64: ctypes.c_double, types.boolean: ctypes.c_bool}  # records are passed by address
@@ -60,8 +61,7 @@ class Unit(types.ExternalFunction):
 
     def compile_to_disk(self) -> Any:
         """Compile it; the units it calls must be declared."""
-        options = {"nopython": True, "error_model": "numpy", "pipeline_class": PlainCompiler}
-        return cfunc(self.sig, cache=True, **options)(self.function)
+        return kept_callback(self.function, self.sig, PlainCompiler, nopython=True, error_model="numpy")
 
     def declare(self) -> None:
         """Let units that call it be compiled, but not run, without it."""

@@ -9,7 +9,7 @@ from deli.kernels.compiled import kernel
 from deli.kernels.forces import ask, gradient
 from deli.kernels.machine import Machine
 from deli.kernels.rows import normal, values, weight
-from deli.kernels.work import Work
+from deli.kernels.tally import copy_tally
 from deli.mechanics.tables import OTHER
 
 VIOLATED = 1e-12  # scaled gap below which a constraint is violated by more than rounding
@@ -51,7 +51,10 @@ def strayed(machine: Machine, q: np.ndarray) -> bool:
 
 @kernel
 def begin(machine: Machine, known: int) -> int:
-    """Find g(q), unless it is known."""
+    """Begin a step: find g(q), unless it is known."""
+    machine.work.struck[0] = 0
+    if machine.system.reference.size > 0:
+        copy_tally(machine.tally, machine.kept)
     if known:
         return DONE
     if strayed(machine, machine.work.q):
@@ -60,12 +63,24 @@ def begin(machine: Machine, known: int) -> int:
 
 
 @kernel
-def finite(work: Work) -> int:
-    """Code of a step that has led to (``work.moved``, ``work.carried``)."""
+def begin_anew(machine: Machine) -> int:
+    """Code of a step that neighbours must be searched for again; what it has cost is not counted."""
+    copy_tally(machine.kept, machine.tally)
+    return REFRESH
+
+
+@kernel
+def end(machine: Machine, smooth: int) -> int:
+    """Code of a step that has led to (``work.moved``, ``work.carried``); if it is taken, its contacts count."""
+    work, tally = machine.work, machine.tally
     total = 0.0
     for k in range(work.moved.size):
         total += abs(work.moved[k]) + abs(work.carried[k])
-    return DONE if math.isfinite(total) else NOT_FINITE
+    if not math.isfinite(total):
+        return NOT_FINITE
+    tally.contacts[0] = smooth
+    tally.contacts[1] += work.struck[0]
+    return DONE
 
 
 @kernel

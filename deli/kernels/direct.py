@@ -2,9 +2,18 @@
 
 from numba import types
 
-from deli.kernels.codes import AFFINE, DONE, MOVING, POSITION, REFRESH
+from deli.kernels.codes import AFFINE, DONE, MOVING, POSITION
 from deli.kernels.compiled import kernel, unit
-from deli.kernels.contacts import VIOLATED, begin, find_gaps, finite, gradients_here, strayed
+from deli.kernels.contacts import (
+    VIOLATED,
+    begin,
+    begin_anew,
+    end,
+    find_gaps,
+    gradients_here,
+    strayed,
+    velocity_zeros,
+)
 from deli.kernels.forces import gradient
 from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.position import predict, update
@@ -16,17 +25,28 @@ _FORECAST = 0.5  # of a step, after which Moreau's scheme looks for constraints 
 
 @kernel
 def _select_here(machine: Machine) -> int:
-    """Put rows that are met at q, or half a step on, into ``work.pressing``; return how many."""
+    """Put rows that are met at q, or half a step on, into ``work.pressing``; return how many.
+
+    Half a step on, rows that touch and do not open are met whatever rounding makes of their gaps and velocities.
+    """
     system, method, work = machine.system, machine.method, machine.work
-    table, count = system.unilateral, 0
+    table, count, touching = system.unilateral, 0, 0
+    for row in range(table.kind.size):
+        normal(table, row, work.q, work.normals)
+        if abs(work.gaps[row]) <= method.contact_tolerance * system.gap_scale[row]:
+            work.chosen[touching] = row
+            touching += 1
+    if method.rows == AFFINE:
+        velocity_zeros(machine, work.p, touching, method.contact_tolerance)
     for row in range(table.kind.size):
         gap, allowed = work.gaps[row], method.contact_tolerance * system.gap_scale[row]
-        normal(table, row, work.q, work.normals)
+        met = gap <= allowed
         if method.rows == AFFINE:
             speed = rate(table, row, work.normals, work.gradients, work.p, system.inverse)
-            gap, allowed = gap + _FORECAST * work.span[0] * speed, 0.0
+            rests = abs(gap) <= allowed and speed <= work.still[row]
+            met = rests or gap + _FORECAST * work.span[0] * speed <= 0.0
             work.base[row] = work.span[0] * method.restitution * speed
-        if gap <= allowed:
+        if met:
             work.pressing[count] = row
             count += 1
     for row in range(system.bilateral.kind.size):
@@ -127,13 +147,12 @@ def substitute(machine: Machine, known: int, _one: int, _two: int) -> int:
     for k in range(work.q.size):
         work.momentum[k] = work.p[k]
     if strayed(machine, work.moved):
-        return REFRESH
+        return begin_anew(machine)
     code, count = move(machine)
     if code == DONE:
-        code = REFRESH if strayed(machine, work.moved) else _carry(machine)
+        code = begin_anew(machine) if strayed(machine, work.moved) else _carry(machine)
     if code == DONE:
         code = find_gaps(machine, work.moved, work.gaps_moved)
     if code != DONE:
         return code
-    machine.tally.contacts[0] = count
-    return finite(work)
+    return end(machine, count)

@@ -2,9 +2,9 @@
 
 A fraction begins at (``work.event``, ``work.event_momentum``), where ``work.gaps`` holds g; the step began at
 (``work.start``, ``work.start_momentum``). ``work.meeting`` holds the row whose gap is sought, whether fractions are
-composed of three steps, and the code of the function whose root is sought; ``work.balance`` the rest of the step, and
-the discrete energies of the last fraction and of the one before the event, at which the momentum was ``work.incoming``
-and ``work.impulse`` is the reflection's.
+composed of three steps, and the code of the function whose root is sought, which stays where that has failed once;
+``work.balance`` the rest of the step, and the discrete energies of the last fraction and of the one before the event,
+at which the momentum was ``work.incoming`` and ``work.impulse`` is the reflection's.
 """
 
 from numba import types
@@ -112,10 +112,11 @@ def take(machine: Machine, span: float, whole: bool) -> int:
 
 @unit(types.float64, types.float64, MACHINE, needs=(take,))
 def gap_after(span: float, machine: Machine) -> float:
-    """The gap that is sought after a fraction of size `span`; 0, which ends a search, where that fails."""
+    """The gap that is sought after a fraction of size `span`; 0, which ends a search, once one has failed."""
     system, work = machine.system, machine.work
     row = work.meeting[0]
-    work.meeting[2] = DONE
+    if work.meeting[2] != DONE:
+        return 0.0
     if span == 0.0:
         return work.gaps[row]
     code = take(machine, span, False)
@@ -129,8 +130,10 @@ def gap_after(span: float, machine: Machine) -> float:
 
 @unit(types.float64, types.float64, MACHINE, needs=(take,))
 def energy_after(share: float, machine: Machine) -> float:
-    """Discrete energy that the rest of the step would gain with `share` of the impulse; 0 where that fails."""
+    """Discrete energy that the rest of the step would gain with `share` of the impulse; 0 as in `gap_after`."""
     work = machine.work
+    if work.meeting[2] != DONE:
+        return 0.0
     for k in range(work.q.size):
         work.event_momentum[k] = work.incoming[k] + share * work.impulse[k]
     work.meeting[2] = take(machine, work.balance[0], False)

@@ -75,8 +75,8 @@ def keep(dimension: int, group: int, store: bool, work: Work, islands: Islands) 
 
 
 @kernel
-def floor(machine: Machine, group: int, newton: bool) -> float:
-    """What rounding of x alone leaves of the residuals: far from the origin, or of a stiff force."""
+def floor(machine: Machine, group: int, newton: bool) -> tuple[int, float]:
+    """What rounding of x alone leaves of the residuals, far from the origin or of a stiff force, after a code."""
     system, method, work, islands, mail = machine.system, machine.method, machine.work, machine.islands, machine.mail
     h, dimension, root = work.span[0], system.dimension, system.root
     reach = impulse = 0.0
@@ -89,11 +89,13 @@ def floor(machine: Machine, group: int, newton: bool) -> float:
     if newton:
         for k in range(work.q.size):
             work.stress[k] = work.q[k] + (0.5 if method.middle != 0.0 else 1.0) * h * work.best[k]
-        if hessian(machine, work.stress) == DONE:
-            for i in range(work.q.size):
-                total = 0.0
-                for j in range(work.q.size):
-                    total += abs(mail.hessian[i, j]) * abs(work.q[j] + h * work.best[j])
-                stiffness = h * h * method.stiffness * total / root[i]
-                floor = max(floor, stiffness / (h * (impulse if impulse > 0.0 else 1.0)))
-    return _ROUNDING * floor
+        code = hessian(machine, work.stress)
+        if code != DONE:
+            return code, math.nan
+        for i in range(work.q.size):
+            total = 0.0
+            for j in range(work.q.size):
+                total += abs(mail.hessian[i, j]) * abs(work.q[j] + h * work.best[j])
+            stiffness = h * h * method.stiffness * total / root[i]
+            floor = max(floor, stiffness / (h * (impulse if impulse > 0.0 else 1.0)))
+    return DONE, _ROUNDING * floor

@@ -2,9 +2,9 @@
 
 from numba import types
 
-from deli.kernels.codes import DONE, PROJECTION, REFRESH
+from deli.kernels.codes import DONE, PROJECTION
 from deli.kernels.compiled import kernel, unit
-from deli.kernels.contacts import begin, find_gaps, finite, gradients_here, strayed
+from deli.kernels.contacts import begin, begin_anew, end, find_gaps, gradients_here, strayed
 from deli.kernels.direct import move
 from deli.kernels.forces import gradient
 from deli.kernels.islands import connect
@@ -12,7 +12,7 @@ from deli.kernels.machine import MACHINE, Machine
 from deli.kernels.position import predict
 from deli.kernels.rows import normal, rate
 from deli.kernels.solve import gather_rows, solve
-from deli.kernels.tally import copy_tally, skip
+from deli.kernels.tally import skip
 
 _POSITION, _VELOCITY, _AUXILIARY = 0, 1, 2  # rows of the recurrence
 _NEW = 2  # its column of ã⁺
@@ -142,22 +142,19 @@ def advance_and_jump(machine: Machine, known: int, _one: int, _two: int) -> int:
 
     What the step after it remembers goes to ``work.remembered``.
     """
-    system, work, tally = machine.system, machine.work, machine.tally
+    work = machine.work
     code = begin(machine, known)
     if code == DONE:
         code = _predict(machine)
     if code != DONE:
         return code
     if strayed(machine, work.moved):
-        return REFRESH
-    if system.reference.size > 0:
-        copy_tally(tally, machine.kept)
+        return begin_anew(machine)
     code, count = move(machine)
     if code != DONE:
         return code
     if strayed(machine, work.moved):
-        copy_tally(machine.kept, tally)
-        return REFRESH
+        return begin_anew(machine)
     code = find_gaps(machine, work.moved, work.gaps_moved)
     if code != DONE:
         return code
@@ -167,5 +164,4 @@ def advance_and_jump(machine: Machine, known: int, _one: int, _two: int) -> int:
         code = _carry(machine, closed)
     if code != DONE:
         return code
-    tally.contacts[0] = closed
-    return finite(work)
+    return end(machine, closed)

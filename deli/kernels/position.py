@@ -130,11 +130,15 @@ def _iterate(machine: Machine, group: int, whole: bool, free: bool) -> int:
             keep(dimension, group, True, work, islands)
         if least <= _TARGET or (stalled >= _PATIENCE and least <= accepted) or not math.isfinite(worst):
             break
-    if not (least <= accepted or least <= floor(machine, group, newton)):
-        work.report[0], work.report[1] = row_end - row_begin, equalities
-        work.report[2], work.report[3], work.report[4] = primal, dual, complementarity
-        work.report[5] = accepted
-        return UNCONVERGED
+    if not least <= accepted:
+        code, lowest = floor(machine, group, newton)
+        if code != DONE:
+            return code
+        if not least <= lowest:
+            work.report[0], work.report[1] = row_end - row_begin, equalities
+            work.report[2], work.report[3], work.report[4] = primal, dual, complementarity
+            work.report[5] = accepted
+            return UNCONVERGED
     keep(dimension, group, False, work, islands)
     for k in range(body_begin, body_end):
         for axis in range(dimension):
@@ -170,7 +174,7 @@ def predict(machine: Machine) -> int:
 
 @unit(types.int64, MACHINE, types.int64)
 def update(machine: Machine, count: int) -> int:
-    """Move from `position` with ``work.momentum``, the first `count` rows of ``work.pressing`` pressing.
+    """Move from ``work.q`` with ``work.momentum``, the first `count` rows of ``work.pressing`` pressing.
 
     On entry ``work.velocity`` is where the iteration starts and ``work.force`` the force where it does not depend on
     x. On return ``work.velocity``, ``work.moved`` and ``work.force`` are those of the update, and ``work.pressed`` and

@@ -81,12 +81,12 @@ def _approaching(machine: Machine, groups: int, passes: int) -> int:
             row = work.chosen[k]
             work.approach[k] = rate(system.unilateral, row, work.normals, work.gradients, work.momentum, system.inverse)
             if work.approach[k] < -work.still[row]:
+                work.marked[row] += 1
                 at = count
                 while at > 0 and found[at - 1] > row:
                     found[at] = found[at - 1]
                     at -= 1
                 found[at] = row
-                work.marked[k] = 1
                 count += 1
     return count
 
@@ -145,14 +145,14 @@ def _select(machine: Machine, count: int, last: int) -> tuple[int, int, int]:
         next_one = next_one if next_one >= 0 else first_one
         last = _fastest(machine, count) if method.operator == FASTEST else next_one
         selected[0] = chosen[last]
-        work.marked[last] = 1
+        work.marked[selected[0]] += 1
         return violated, last, 1
     taken = 0
     for k in range(count):
         zero = still[chosen[k]]
         if approach[k] <= zero if method.operator == MOREAU else approach[k] < -zero:
             selected[taken] = chosen[k]
-            work.marked[k] = 1
+            work.marked[chosen[k]] += 1
             taken += 1
     return violated, last, taken
 
@@ -168,7 +168,7 @@ def reflect(machine: Machine, count: int) -> int:
     system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
     momentum, dof = work.momentum, system.mass.size
     for k in range(count):
-        work.marked[k] = 0
+        work.marked[work.chosen[k]] = 0
         work.smooth[k] = -1
     limit = min(_MOST_PASSES, _PASSES + int(_rattle(system.mass) * float(count) ** 2))
     last, before_known = -1, False
@@ -184,10 +184,8 @@ def reflect(machine: Machine, count: int) -> int:
         if violated == 0:
             if passes == 0:
                 skip(tally, REFLECTION)
-            reflected = 0
             for k in range(count):
-                reflected += work.marked[k]
-            tally.contacts[1] += reflected
+                work.struck[0] += work.marked[work.chosen[k]] > 0
             return DONE
         compared = dof <= _SMALL or passes >= limit // 2
         if compared:

@@ -155,6 +155,8 @@ def turn_shadow(machine: Machine, group: int, _two: int, _three: int) -> int:
     if share <= 0.0:
         for k in range(dof):
             momentum[k] = before[k]
+        for k in range(islands.row_start[group], islands.row_start[group + 1]):
+            work.marked[islands.rows[k]] -= 1
     if share < 0.5:
         for k in range(islands.row_start[group], islands.row_start[group + 1]):
             row = islands.rows[k]

@@ -9,15 +9,15 @@ from deli.kernels.codes import (
     NO_DIRECTION,
     POSITION,
     REFLECTION,
-    REFRESH,
     TOO_MANY_PASSES,
     UNILATERAL,
 )
 from deli.kernels.compiled import address_of, call, kernel, unit
 from deli.kernels.contacts import (
     begin,
+    begin_anew,
+    end,
     find_gaps,
-    finite,
     first_force_here,
     gradients_here,
     strayed,
@@ -30,7 +30,7 @@ from deli.kernels.position import predict, update
 from deli.kernels.projection import carry
 from deli.kernels.reflection import reflect
 from deli.kernels.rows import normal, rate, value
-from deli.kernels.tally import copy_tally, skip
+from deli.kernels.tally import skip
 
 
 @kernel
@@ -68,6 +68,7 @@ def _attempt(machine: Machine, active: int) -> tuple[int, int]:
     system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
     table, dof = system.unilateral, work.q.size
     rows = table.kind.size
+    work.struck[0] = 0
     linear = method.rows == AFFINE
     here = work.predicted if linear else work.q
     for k in range(dof):
@@ -147,7 +148,7 @@ def step(machine: Machine, known: int, _one: int, _two: int) -> int:
 
     `known` says that ``work.gaps`` holds g(q) already; on return ``work.gaps_moved`` holds g(x).
     """
-    system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
+    system, method, work = machine.system, machine.method, machine.work
     table, dof = system.unilateral, work.q.size
     rows = table.kind.size
     code = begin(machine, known)
@@ -157,7 +158,7 @@ def step(machine: Machine, known: int, _one: int, _two: int) -> int:
     if code != DONE:
         return code
     if strayed(machine, work.moved):
-        return REFRESH
+        return begin_anew(machine)
     touching = 0
     for row in range(rows):
         work.touching[row] = abs(work.gaps[row]) <= method.contact_tolerance * system.gap_scale[row]
@@ -185,8 +186,6 @@ def step(machine: Machine, known: int, _one: int, _two: int) -> int:
             return code
     gradients_known = held > 0
     smooth = 0
-    if system.reference.size > 0:
-        copy_tally(tally, machine.kept)
     while True:
         if active and not gradients_known:
             code = gradients_here(machine, held, here)
@@ -194,14 +193,14 @@ def step(machine: Machine, known: int, _one: int, _two: int) -> int:
                 return code
             gradients_known = True
         code, smooth = _attempt(machine, active)
-        trapped = method.closed_loop and code in (NO_DIRECTION, TOO_MANY_PASSES)
-        if trapped:
+        trapped = False
+        if method.closed_loop and code in (NO_DIRECTION, TOO_MANY_PASSES):
+            trapped = True
             trap(machine, int(work.report[4]))
         elif code != DONE:
             return code
         elif strayed(machine, work.moved):
-            copy_tally(machine.kept, tally)
-            return REFRESH
+            return begin_anew(machine)
         if not (method.reflects and method.closed_loop):
             break
         if not (trapped or spread_to_violated(machine)):
@@ -209,7 +208,6 @@ def step(machine: Machine, known: int, _one: int, _two: int) -> int:
         active = 0
         for row in range(rows):
             active += work.active[row]
-    tally.contacts[0] = smooth
     code = carry(machine, smooth)
     if method.closed_loop and code == DONE:
         code = call(machine.hooks.land, address_of(machine), smooth, 0, 0)
@@ -217,13 +215,14 @@ def step(machine: Machine, known: int, _one: int, _two: int) -> int:
         code = admissible(machine)
     if code != DONE:
         return code
-    return finite(work)
+    return end(machine, smooth)
 
 
 @unit(types.int64, MACHINE)
 def reflect_touching(machine: Machine) -> int:
     """Reflect ``work.p`` off all contacts with g(q) = 0, into ``work.momentum``; no forces act."""
     system, work = machine.system, machine.work
+    work.struck[0] = 0
     for k in range(work.q.size):
         work.momentum[k] = work.p[k]
         work.force[k] = 0.0
@@ -242,4 +241,7 @@ def reflect_touching(machine: Machine) -> int:
     if code != DONE:
         return code
     velocity_zeros(machine, work.p, count, machine.method.contact_tolerance)
-    return reflect(machine, count)
+    code = reflect(machine, count)
+    if code == DONE:
+        machine.tally.contacts[1] += work.struck[0]
+    return code

@@ -56,18 +56,19 @@ def turn_back(machine: Machine, group: int, share: float) -> int:
 
 
 @kernel
-def _tangent(machine: Machine, taken: int) -> np.ndarray:
-    """Gradients over √M, projected on what the bilateral constraints leave free (7.7), one a row."""
+def _tangent(machine: Machine, normals: np.ndarray) -> int:
+    """Gradients over √M, projected on what the bilateral constraints leave free (7.7), one a row of `normals`."""
     system, work, islands, program = machine.system, machine.work, machine.islands, machine.program
     dof, root = system.mass.size, system.root
-    held = islands.held_start[1]
-    normals = np.zeros((taken, dof))
+    taken, held = normals.shape[0], islands.held_start[1]
     for k in range(taken):
+        for i in range(dof):
+            normals[k, i] = 0.0
         push(system.unilateral, islands.rows[k], work.normals, work.gradients, 1.0, normals[k])
         for i in range(dof):
             normals[k, i] /= root[i]
     if held == 0:
-        return normals
+        return DONE
     program.start[0] = 0
     for k in range(held):
         append(
@@ -79,10 +80,12 @@ def _tangent(machine: Machine, taken: int) -> np.ndarray:
             program.wish[i] = normals[k, i]
         for row in range(held):
             program.bounds[row] = 0.0
-        solve(machine, REFLECTION, dof, held, held, False, True)
+        code = solve(machine, REFLECTION, dof, held, held, False, True)
+        if code != DONE:
+            return code
         for i in range(dof):
             normals[k, i] = program.z[i]
-    return normals
+    return DONE
 
 
 @kernel
@@ -164,7 +167,10 @@ def turn_numerical(machine: Machine, _one: int, _two: int, _three: int) -> int:
         return INDEFINITE
     # √M W √M is needed to go on; the metric of the model is its inverse.
     taken = islands.row_start[1]
-    normals = _tangent(machine, taken)
+    normals = np.empty((taken, dof))
+    code = _tangent(machine, normals)
+    if code != DONE:
+        return code
     impulse = np.zeros(dof)
     if method.skip and taken == 1:
         speed = inertia = 0.0

@@ -16,7 +16,8 @@ class Work(NamedTuple):
     `here` is ∇V(q), `latent` the momentum along the gradients of landed contacts, `spot` where the constraints of a
     position update are taken, `base` and `held_base` the values at u = 0 of rows that are affine. What collision
     integrators need is described in `deli.kernels.fractions`, from `start` to `balance`. What a method carries from
-    step to step besides q and p is `memory`, of as many rows as it has names for, and becomes `remembered`.
+    step to step besides q and p is `memory`, of as many rows as it has names for, and becomes `remembered`. `struck`
+    counts the contacts that the step at hand has reflected, and `marked` the passes of a reflection off each row.
     """
 
     span: Vector
@@ -75,6 +76,7 @@ class Work(NamedTuple):
     incoming: Vector
     impulse: Vector
     meeting: Numbers
+    struck: Numbers
     balance: Vector
     report: Vector
     ticks: Numbers
@@ -111,7 +113,8 @@ class Tally(NamedTuple):
     residuals : (3, 3) array
     status : (3,) int64 array
     contacts : (3,) int64 array
-        Smooth contacts of the last step, reflected contacts since the last reset, programs solved natively ever.
+        Smooth contacts of the last step, contacts reflected in steps since the last reset, programs solved natively
+        ever. Steps that fail or begin anew have no contacts; all other numbers are of the work that was done.
     """
 
     counts: Annotated[NDArray[np.int64], 2]

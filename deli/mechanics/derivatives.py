@@ -11,11 +11,10 @@ import numpy as np
 
 from deli.errors import InputError
 from deli.mechanics.arrays import Array
+from solvers.distribution import install_line
 
 ALLOWED_MISMATCH = 1e-6
 """Largest relative difference accepted between a supplied derivative and finite differences."""
-
-JAX_INSTALL = 'pip install "deli[jax]"'
 
 
 def central_differences(function: Callable[[Array], Any], q: Array, step: float) -> Array:
@@ -55,12 +54,12 @@ def check_derivative(name: str, supplied: Array, function: Callable[[Array], Any
         raise InputError(
             f"{name}: entry {worst[0] if len(worst) == 1 else worst} is {supplied[worst]:.8g}, finite differences at "
             f"the initial state give {expected[worst]:.8g}; correct the function, or leave the derivative out and "
-            f"let JAX make it ({JAX_INSTALL})"
+            f"let JAX make it ({install_line('jax')})"
         )
 
 
 class JaxDerivative:
-    """The derivative of a function written with ``jax.numpy``, from float64 arrays to float64 arrays.
+    """A function written with ``jax.numpy`` and its derivative, from float64 arrays to float64 arrays.
 
     Double precision is switched on around each call only; JAX's global configuration is left alone.
 
@@ -80,23 +79,30 @@ class JaxDerivative:
         if importlib.util.find_spec("jax") is None:
             raise InputError(
                 f"{name}: no {kind} was given and JAX, which would make it, is not installed; pass {kind}=..., or "
-                f"install it: {JAX_INSTALL}"
+                f"install it: {install_line('jax')}"
             )
         import jax
 
         self.name, self.function, self.kind = name, function, kind
         self._jax = jax
         derive = {"gradient": jax.grad, "hessian": jax.hessian, "jacobian": jax.jacfwd}[kind]
-        self._derivative = jax.jit(derive(function))
+        self._value, self._derivative = jax.jit(function), jax.jit(derive(function))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return (JaxDerivative, (self.name, self.function, self.kind))
 
     def __call__(self, q: Array) -> Array:
         """Return the derivative at ``q``."""
+        return self._call(self._derivative, q)
+
+    def value(self, q: Array) -> Array:
+        """Return the function at ``q``; called as it is, it would compute in single precision."""
+        return self._call(self._value, q)
+
+    def _call(self, compiled: Callable[[Array], Any], q: Array) -> Array:
         try:
             with self._double_precision():
-                return np.asarray(self._derivative(q), dtype=np.float64)
+                return np.asarray(compiled(q), dtype=np.float64)
         except self._jax.errors.JAXTypeError as error:
             raise InputError(
                 f"{self.name}: JAX cannot derive this function ({str(error).splitlines()[0]}); write it with "

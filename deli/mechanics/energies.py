@@ -10,10 +10,11 @@ from deli.errors import InputError, StepError
 from deli.mechanics.arrays import Array
 from deli.mechanics.scene import Scene
 from deli.mechanics.schemes import Scheme
+from solvers.distribution import install_line
 
 NO_HESSIAN = (
     'energy "numerical": the potential has no hessian; pass hessian=... to deli.Potential, or leave out its '
-    'gradient as well and write energy with jax.numpy (pip install "deli[jax]")'
+    "gradient as well and write energy with jax.numpy: " + install_line("jax")
 )
 
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from deli.mechanics.arrays import Array, Indices, check_range, frozen
 
-ROTATION_AXES = {1: 0, 2: 1, 3: 3}
-"""How many rotation axes a space of 1, 2 or 3 dimensions has."""
+ROTATION_PLANES: dict[int, list[tuple[int, ...]]] = {1: [], 2: [(0, 1)], 3: [(1, 2), (2, 0), (0, 1)]}
+"""The axes that each rotation mixes, in 1, 2 and 3 dimensions; in 3-D in the order of the axes turned about."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Layout:
 
 @dataclasses.dataclass(frozen=True)
 class Invariance:
-    """Rigid motions of all bodies together that leave a family unchanged.
+    """Rigid motions of all bodies together that leave a family unchanged: True, False, or None where it is unknown.
 
     Parameters
     ----------
@@ -63,18 +63,18 @@ class Invariance:
         Rotations about the origin: none in 1-D, one entry in 2-D, one for each axis in 3-D.
     """
 
-    translations: tuple[bool, ...]
-    rotations: tuple[bool, ...]
+    translations: tuple[bool | None, ...]
+    rotations: tuple[bool | None, ...]
 
     @classmethod
     def everything(cls, dimension: int) -> Invariance:
         """Every translation and every rotation."""
-        return cls((True,) * dimension, (True,) * ROTATION_AXES[dimension])
+        return cls((True,) * dimension, (True,) * len(ROTATION_PLANES[dimension]))
 
     @classmethod
     def nothing(cls, dimension: int) -> Invariance:
         """No translation and no rotation."""
-        return cls((False,) * dimension, (False,) * ROTATION_AXES[dimension])
+        return cls((False,) * dimension, (False,) * len(ROTATION_PLANES[dimension]))
 
     @classmethod
     def of_vectors(cls, vectors: Array, free: bool) -> Invariance:
@@ -87,16 +87,23 @@ class Invariance:
         dimension = vectors.shape[1]
         translations = tuple(bool(free and zero[:, axis].all()) for axis in range(dimension))
         if dimension < 3:
-            return cls(translations, (bool(zero.all()),) * ROTATION_AXES[dimension])
+            return cls(translations, (bool(zero.all()),) * len(ROTATION_PLANES[dimension]))
         across = [[other for other in range(3) if other != axis] for axis in range(3)]
         return cls(translations, tuple(bool(zero[:, others].all()) for others in across))
 
     def __and__(self, other: Invariance) -> Invariance:
         """Return what both leave unchanged."""
         return Invariance(
-            tuple(a and b for a, b in zip(self.translations, other.translations, strict=True)),
-            tuple(a and b for a, b in zip(self.rotations, other.rotations, strict=True)),
+            tuple(map(both, self.translations, other.translations)),
+            tuple(map(both, self.rotations, other.rotations)),
         )
+
+
+def both(one: bool | None, other: bool | None) -> bool | None:
+    """Return whether two things hold, None standing for unknown: False if one does not, whatever the other is."""
+    if one is False or other is False:
+        return False
+    return None if one is None or other is None else True
 
 
 class Family(abc.ABC):

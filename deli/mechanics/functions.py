@@ -12,6 +12,7 @@ from deli.mechanics.arrays import Array
 from deli.mechanics.constraints import ConstraintFamily
 from deli.mechanics.derivatives import JaxDerivative, check_derivative
 from deli.mechanics.family import Invariance, Layout
+from deli.mechanics.measured import measure_invariance
 from deli.mechanics.potentials import PotentialFamily
 
 Function = Callable[[Array], Any]
@@ -20,9 +21,9 @@ Function = Callable[[Array], Any]
 class Potential(PotentialFamily):
     """A potential from plain Python functions of the flat configuration q, shape (dof,).
 
-    No invariance is assumed. Where ``gradient`` is left out, it and the hessian come from JAX, and ``energy`` must
-    be written with ``jax.numpy``. Supplied derivatives are checked against finite differences at the initial
-    state of the scene. Functions receive a copy of q, one configuration at a time.
+    Its invariances are measured (`deli.mechanics.measured`). Where ``gradient`` is left out, it and the hessian come
+    from JAX, and ``energy`` must be written with ``jax.numpy``. Supplied derivatives are checked against finite
+    differences at the initial state of the scene. Functions receive a copy of q, one configuration at a time.
 
     Parameters
     ----------
@@ -43,14 +44,14 @@ class Potential(PotentialFamily):
         _check_callable("Potential", energy=energy, gradient=gradient, hessian=hessian)
         self.layout: Layout | None = None
         self._given = {"energy": energy, "gradient": gradient, "hessian": hessian}
-        self._energy = energy
         self._hessian = hessian
-        if gradient is None:
-            self._gradient: Function = JaxDerivative("energy of Potential", energy, "gradient")
-            if hessian is None:
-                self._hessian = JaxDerivative("energy of Potential", energy, "hessian")
-        else:
-            self._gradient = gradient
+        if gradient is not None:
+            self._energy, self._gradient = energy, gradient
+            return
+        derivative = JaxDerivative("energy of Potential", energy, "gradient")
+        self._energy, self._gradient = derivative.value, derivative
+        if hessian is None:
+            self._hessian = JaxDerivative("energy of Potential", energy, "hessian")
 
     def bind(self, layout: Layout) -> Self:
         """Return a copy for ``layout``, its functions checked at the initial state."""
@@ -83,15 +84,18 @@ class Potential(PotentialFamily):
         return None if self._hessian is None else np.array(self._hessian(q.copy()), dtype=np.float64)
 
     def invariance(self) -> Invariance:
-        """None is assumed."""
-        return _no_invariance(self.layout)
+        """Return the rigid motions that leave V unchanged, as measured at some states."""
+        return measure_invariance(
+            _bound(self.layout), lambda q: np.array([self.energy(q)]), lambda q: self.gradient(q)[np.newaxis]
+        )
 
 
 class Constraints(ConstraintFamily):
     """Constraints from plain Python functions of the flat configuration q, shape (dof,).
 
-    No invariance is assumed. Where ``jacobian`` is left out it comes from JAX, and ``value`` must be written with
-    ``jax.numpy``. A supplied jacobian is checked against finite differences at the initial state of the scene.
+    Their invariances are measured (`deli.mechanics.measured`). Where ``jacobian`` is left out it comes from JAX, and
+    ``value`` must be written with ``jax.numpy``. A supplied jacobian is checked against finite differences at the
+    initial state of the scene.
 
     Parameters
     ----------
@@ -110,11 +114,11 @@ class Constraints(ConstraintFamily):
         _check_callable("Constraints", value=value, jacobian=jacobian)
         self.layout: Layout | None = None
         self._given = {"value": value, "jacobian": jacobian}
-        self._value = value
-        missing = jacobian is None
-        self._jacobian: Function = (
-            JaxDerivative("value of Constraints", value, "jacobian") if missing else jacobian  # type: ignore[assignment]
-        )
+        if jacobian is not None:
+            self._value, self._jacobian = value, jacobian
+            return
+        derivative = JaxDerivative("value of Constraints", value, "jacobian")
+        self._value, self._jacobian = derivative.value, derivative
 
     def bind(self, layout: Layout) -> Self:
         """Return a copy for ``layout``, its functions checked at the initial state."""
@@ -148,8 +152,8 @@ class Constraints(ConstraintFamily):
         return [f"constraint row {row}" for row in range(self.rows)]
 
     def invariance(self) -> Invariance:
-        """None is assumed."""
-        return _no_invariance(self.layout)
+        """Return the rigid motions that leave c unchanged, as measured at some states."""
+        return measure_invariance(_bound(self.layout), self.value, self.jacobian)
 
 
 def _check_callable(family: str, **functions: Any) -> None:
@@ -183,7 +187,7 @@ def _first_not_finite(value: Array) -> str:
     return f"entry {where} is {value[where]}" if where else str(value)
 
 
-def _no_invariance(layout: Layout | None) -> Invariance:
+def _bound(layout: Layout | None) -> Layout:
     if layout is None:
         raise AttributeError("not bound to a scene yet: pass it to deli.Scene(...), or call .bind(layout)")
-    return Invariance.nothing(layout.dimension)
+    return layout

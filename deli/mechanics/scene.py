@@ -15,6 +15,7 @@ from deli.mechanics.arrays import Array, frozen, positive_array, real_array
 from deli.mechanics.constraints import ConstraintFamily, ConstraintStack
 from deli.mechanics.family import Layout
 from deli.mechanics.initial import check_kinetic, check_momentum, check_position, check_potential
+from deli.mechanics.parameters import check_parameters, check_text
 from deli.mechanics.potential_sum import PotentialSum
 from deli.mechanics.potentials import PotentialFamily
 from deli.mechanics.symmetry import Conserved, conserved
@@ -48,13 +49,14 @@ class Scene:
     name
         Name recorded with results.
     parameters
-        Numbers recorded with results.
+        Numbers, texts and flags recorded with results, by name; lists, arrays and tables of them too.
 
     Raises
     ------
     InputError
         Where a number is not finite or a mass not positive, lengths do not fit, the initial position violates a
-        constraint, the initial momentum violates F.M^-1 p = 0, or a supplied derivative is wrong.
+        constraint, the initial momentum violates F.M^-1 p = 0, a supplied derivative is wrong, or a parameter
+        cannot be recorded.
     """
 
     mass: Array
@@ -89,7 +91,9 @@ class Scene:
             raise InputError(f"momentum: found {p.size} entries, position has {q.size}; pass as many")
         layout = Layout(int(dimension), _masses(mass, q.size // dimension, dimension), q)
         self._set(mass=layout.mass, position=q, momentum=p, dimension=layout.dimension)
-        self._set(name=str(name), parameters=dict(parameters or {}))
+        given = dict(parameters or {})
+        check_parameters("parameters", given)
+        self._set(name=check_text("name", str(name)), parameters=given)
         self._set(potential=_joined("potential", potential, PotentialFamily, PotentialSum).bind(layout))
         self._set(unilateral=_joined("unilateral", unilateral, ConstraintFamily, ConstraintStack).bind(layout))
         self._set(bilateral=_joined("bilateral", bilateral, ConstraintFamily, ConstraintStack).bind(layout))
@@ -121,7 +125,8 @@ class Scene:
     @cached_property
     def symmetry(self) -> Conserved:
         """Components of momentum the scene conserves."""
-        return conserved(self)
+        layout = Layout(self.dimension, self.mass, self.position)
+        return conserved(layout, (self.potential, self.unilateral, self.bilateral))
 
 
 def _flat(name: str, value: ArrayLike, dimension: int) -> Array:

@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from deli.mechanics.arrays import Array
+from deli.mechanics.family import ROTATION_PLANES, Family, Layout, both, common_invariance
 
-if TYPE_CHECKING:
-    from deli.mechanics.scene import Scene
+
+class Bodies(Protocol):
+    """Bodies in a space, such as a `Scene`."""
+
+    @property
+    def bodies(self) -> int:
+        """Number of bodies."""
+
+    @property
+    def dimension(self) -> int:
+        """Dimension of space."""
 
 
 @dataclass(frozen=True)
 class Conserved:
-    """Which components of the total momentum a scene conserves.
+    """Which components of the total momentum a scene conserves: True, False, or None where it is unknown.
 
     Parameters
     ----------
@@ -25,31 +36,29 @@ class Conserved:
         About the origin: none in 1-D, one entry in 2-D, one for each axis in 3-D.
     """
 
-    linear: tuple[bool, ...]
-    angular: tuple[bool, ...]
+    linear: tuple[bool | None, ...]
+    angular: tuple[bool | None, ...]
 
 
-def conserved(scene: Scene) -> Conserved:
-    """Return the conserved components, from the invariances the scene's families declare.
+def conserved(layout: Layout, families: Iterable[Family]) -> Conserved:
+    """Return the conserved components, from the invariances of potentials and constraints.
 
     The kinetic energy is invariant under translations always, and under a rotation where each body's mass is
     the same along both axes that the rotation mixes.
     """
-    common = scene.potential.invariance() & scene.unilateral.invariance() & scene.bilateral.invariance()
-    mass = scene.mass.reshape(scene.bodies, scene.dimension)
-    mixed = {1: [], 2: [(0, 1)], 3: [(1, 2), (2, 0), (0, 1)]}[scene.dimension]
-    isotropic = [bool((mass[:, i] == mass[:, j]).all()) for i, j in mixed]
-    angular = tuple(a and b for a, b in zip(common.rotations, isotropic, strict=True))
-    return Conserved(common.translations, angular)
+    common = common_invariance(families, layout)
+    mass = layout.mass.reshape(layout.bodies, layout.dimension)
+    isotropic = [bool((mass[:, i] == mass[:, j]).all()) for i, j in ROTATION_PLANES[layout.dimension]]
+    return Conserved(common.translations, tuple(map(both, common.rotations, isotropic)))
 
 
-def linear_momentum(scene: Scene, p: Array) -> Array:
+def linear_momentum(scene: Bodies, p: Array) -> Array:
     """Return sum_i p_i, shape (..., dof) -> (..., dimension)."""
     total: Array = p.reshape(*p.shape[:-1], scene.bodies, scene.dimension).sum(axis=-2)
     return total
 
 
-def angular_momentum(scene: Scene, q: Array, p: Array) -> Array | None:
+def angular_momentum(scene: Bodies, q: Array, p: Array) -> Array | None:
     """Return sum_i q_i x p_i about the origin: shape (...,) in 2-D, (..., 3) in 3-D, None in 1-D."""
     if scene.dimension == 1:
         return None

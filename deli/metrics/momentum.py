@@ -3,19 +3,23 @@
 import numpy as np
 import xarray as xr
 
-from deli.recording.schema import TRAJECTORY, dataset_of
+from deli.metrics.members import by_member
+from deli.recording.schema import TRAJECTORY, UNDECIDED, dataset_of
 
 
+@by_member
 def momentum_error(run: xr.DataTree) -> float:
     """Largest |p - p(0)| of a component of the linear momentum that the scene conserves [M L T-1]; nan without any."""
     return _worst_momentum(run, "p")
 
 
+@by_member
 def angular_momentum_error(run: xr.DataTree) -> float:
     """Largest |L - L(0)| of a component that the scene conserves [M L2 T-1]; nan without any."""
     return _worst_momentum(run, "L")
 
 
+@by_member
 def momentum_errors(run: xr.DataTree) -> dict[str, float]:
     """Largest deviation from the initial value of each momentum component that the scene conserves."""
     return {
@@ -24,6 +28,7 @@ def momentum_errors(run: xr.DataTree) -> dict[str, float]:
     }
 
 
+@by_member
 def momentum_components(run: xr.DataTree, conserved: bool) -> dict[str, np.ndarray]:
     """Components of linear and angular momentum over time, by name such as ``p_x`` and ``L_z``.
 
@@ -31,7 +36,7 @@ def momentum_components(run: xr.DataTree, conserved: bool) -> dict[str, np.ndarr
     ----------
     run : xarray.DataTree
     conserved : bool
-        Whether to return those that the scene conserves, or those that it does not.
+        Whether to return those that the scene conserves, or all others.
     """
     trajectory = dataset_of(run, TRAJECTORY)
     found: dict[str, np.ndarray] = {}
@@ -46,6 +51,16 @@ def momentum_components(run: xr.DataTree, conserved: bool) -> dict[str, np.ndarr
             if (axis in kept) == conserved:
                 found[f"{symbol}_{axis}"] = columns[:, index]
     return found
+
+
+def undecided_momenta(run: xr.DataTree) -> list[str]:
+    """Names, such as ``p_x`` and ``L_z``, of momentum components that the scene may or may not conserve.
+
+    The invariances of potentials and constraints made of a user's functions are measured
+    (`deli.mechanics.measured`); they are unknown where that decides nothing.
+    """
+    names: str = run.attrs.get(UNDECIDED, "none")
+    return [name for name in names.split() if name != "none"]
 
 
 def _worst_momentum(run: xr.DataTree, symbol: str) -> float:

@@ -9,10 +9,13 @@ from deli.integrators.recipe import Recipe
 from deli.mechanics.scene import Scene
 from deli.mechanics.schemes import get_scheme
 from deli.mechanics.shadow import ORDERS
+from deli.metrics.members import by_member
 from deli.recording.provenance import scene_of
+from deli.recording.scene_record import require_scene_of
 from deli.recording.schema import TRAJECTORY, dataset_of
 
 
+@by_member
 def shadow_energy(run: xr.DataTree, order: int = 4, scene: Scene | None = None) -> xr.DataArray:
     """Shadow energy of every row [M L2 T-2]: what the smooth steps of the scheme keep where H oscillates by O(h²).
 
@@ -47,7 +50,8 @@ def shadow_energy(run: xr.DataTree, order: int = 4, scene: Scene | None = None) 
     Raises
     ------
     InputError
-        For another order, a method without a scheme, or a user's own scene that is not handed in.
+        For another order, a method without a scheme, a user's own scene that is not handed in, or a scene that is not
+        the run's.
     StepError
         Where smooth steps from a row do not converge.
     """
@@ -56,14 +60,13 @@ def shadow_energy(run: xr.DataTree, order: int = 4, scene: Scene | None = None) 
     if order not in ORDERS or isinstance(order, bool):
         raise InputError(f"order is {order!r}; allowed: {', '.join(map(str, ORDERS))}.")
     config = tomllib.loads(run.attrs["config"])
-    scene = scene_of(run) if scene is None else scene
+    if scene is None:
+        scene = scene_of(run)
+    else:
+        require_scene_of(run, scene)
     if scene is None:
         raise InputError("the run's scene is a user's own: hand it in as scene=...")
     trajectory = dataset_of(run, TRAJECTORY)
-    if scene.dof != trajectory.sizes["dof"]:
-        raise InputError(
-            f"scene has {scene.dof} degrees of freedom and the run has {trajectory.sizes['dof']}; hand in its own."
-        )
     if "scheme" not in config["method"]:
         raise InputError(
             f"the run's method {config['method']['name']} has no scheme, and so no shadow energy is known of it."

@@ -5,13 +5,16 @@ import xarray as xr
 
 from deli.metrics.contact import complementarity, contacts, equality_residual, violation
 from deli.metrics.energy import drift_per_impact, energy_drift, energy_range
+from deli.metrics.members import by_member
 from deli.metrics.momentum import angular_momentum_error, momentum_error
-from deli.metrics.trajectory import simulated_time, steps_taken, trajectory_error
-from deli.recording.schema import STATS, dataset_of
+from deli.metrics.trajectory import has_all_steps, simulated_time, steps_taken, trajectory_error
+from deli.metrics.uncalled import uncalled_note, uncalled_solvers
+from deli.recording.schema import MEMBER, STATS, dataset_of
 
 
+@by_member
 def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Dataset:
-    """Every metric of a run, as a dataset of scalars with units and long names.
+    """Every metric of a run, as a dataset of scalars with units and long names; of an ensemble, along ``member``.
 
     Parameters
     ----------
@@ -27,11 +30,14 @@ def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Datase
         ``violation_mean``; ``complementarity``, ``equality_residual``, ``trajectory_error``; ``smooth_contacts`` and
         ``reflected_contacts`` as `contacts` gives them; summed over subproblems ``solves``, ``skipped``,
         ``iterations``, ``fallbacks``, ``claimed_solves`` (the solver says so), ``verified_solves`` (recomputed
-        residuals say so), ``solver_time``, ``overhead_time``; ``wall_time``; ``steps``, ``simulated_time``.
+        residuals say so), ``solver_time``, ``overhead_time``; ``uncalled_solvers``; ``wall_time``; ``steps``,
+        ``simulated_time``. Its attribute ``note`` is the text of `uncalled_note`, if there is one. Sums are nan where
+        ``solver_stats`` were not recorded, and where rows, or steps, have been left out since. The wall time of a
+        member of an ensemble is nan.
     """
     slope, low, worst = energy_drift(run), energy_range(run), violation(run)
     held, struck = contacts(run)
-    stats = dataset_of(run, STATS)
+    stats = dataset_of(run, STATS) if STATS in run.children and has_all_steps(run) else None
     values: dict[str, float] = {
         "energy_drift": slope.slope,
         "energy_drift_error": slope.error,
@@ -48,8 +54,9 @@ def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Datase
         "trajectory_error": np.nan if reference is None else trajectory_error(run, reference),
         "smooth_contacts": held,
         "reflected_contacts": struck,
-        **{name: float(stats[recorded].values.sum()) for name, recorded in _SUMS.items()},
-        "wall_time": float(run.attrs.get("wall_time", np.nan)),
+        **{name: np.nan if stats is None else float(stats[part].values.sum()) for name, part in _SUMS.items()},
+        "uncalled_solvers": float(len(uncalled_solvers(run))),
+        "wall_time": np.nan if MEMBER in run.coords else float(run.attrs.get("wall_time", np.nan)),
         "steps": float(steps_taken(run)),
         "simulated_time": simulated_time(run),
     }
@@ -57,7 +64,8 @@ def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Datase
         {
             name: xr.Variable((), value, {"units": METRICS[name][0], "long_name": METRICS[name][1]})
             for name, value in values.items()
-        }
+        },
+        attrs={"note": note} if (note := uncalled_note(run)) else {},
     )
 
 
@@ -86,8 +94,8 @@ METRICS = {
     "equality_residual": ("L", "largest residual of a bilateral constraint"),
     "trajectory_error": ("L", "largest root mean square distance from the reference"),
     "smooth_contacts": ("1", "mean number of smooth contacts"),
-    "reflected_contacts": ("1", "contacts reflected, summed over steps"),
-    "solves": ("1", "calls of a solver"),
+    "reflected_contacts": ("1", "contacts reflected by the steps as they were taken"),
+    "solves": ("1", "calls of a solver, in all attempts at the steps"),
     "skipped": ("1", "subproblems answered without a solver"),
     "iterations": ("1", "iterations of the solvers"),
     "fallbacks": ("1", "members of solver chains that failed before one succeeded"),
@@ -95,6 +103,7 @@ METRICS = {
     "verified_solves": ("1", "calls whose recomputed residuals are within the tolerance"),
     "solver_time": ("s", "time inside solvers"),
     "overhead_time": ("s", "time to hand problems to solvers and check their answers"),
+    "uncalled_solvers": ("1", "solvers that were chosen and never called"),
     "wall_time": ("s", "wall time of the run"),
     "steps": ("1", "integration steps"),
     "simulated_time": ("T", "time that the run got to"),

@@ -6,9 +6,11 @@ import numpy as np
 import xarray as xr
 
 from deli.errors import InputError
-from deli.recording.schema import TRAJECTORY, dataset_of
+from deli.metrics.members import by_member
+from deli.recording.schema import STATS, TRAJECTORY, dataset_of
 
 
+@by_member
 def trajectory_error(run: xr.DataTree, reference: xr.DataTree) -> float:
     """Largest root mean square over the degrees of freedom of q - q_ref, over the times that both recorded [L].
 
@@ -41,12 +43,34 @@ def common_times(mine: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.nd
     return np.flatnonzero(same), nearest[same]
 
 
+@by_member
 def steps_taken(run: xr.DataTree) -> int:
     """Integration steps until the last recorded row, however many lie between two rows."""
     step_size = tomllib.loads(run.attrs["config"])["step_size"]
     return round(simulated_time(run) / step_size)
 
 
+def intervals(run: xr.DataTree) -> int:
+    """Intervals between rows until the last one as they were recorded, whatever has been left out of them since."""
+    every = tomllib.loads(run.attrs["config"]).get("record", {}).get("every", 1)
+    return -(-steps_taken(run) // every)
+
+
+def has_all_steps(run: xr.DataTree) -> bool:
+    """Whether the solver's statistics are of all steps until the last row, and of no others."""
+    return np.array_equal(dataset_of(run, STATS)["step"].values, np.arange(intervals(run)))
+
+
+def step_times(run: xr.DataTree) -> np.ndarray:
+    """Time at the end of each ``step`` of the solver's statistics [T], also where rows have been left out since."""
+    time, step = dataset_of(run, TRAJECTORY)["time"].values, dataset_of(run, STATS)["step"].values
+    if len(step) == len(time) - 1 and has_all_steps(run):
+        return time[1:]
+    config = tomllib.loads(run.attrs["config"])
+    return (step + 1.0) * config.get("record", {}).get("every", 1) * config["step_size"]
+
+
+@by_member
 def simulated_time(run: xr.DataTree) -> float:
     """Time of the last recorded row [T]."""
     return float(dataset_of(run, TRAJECTORY)["time"].values[-1])

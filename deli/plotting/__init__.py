@@ -1,6 +1,7 @@
 """Figures of a run: what it conserves, where it goes, how it moves; and how backends compare on subproblems."""
 
 from deli.plotting.animation import animate, check_movie, save_animation
+from deli.plotting.comparison import MARKERS, energy_traces, heat_map, pareto, work_precision
 from deli.plotting.figures import (
     check_picture,
     energy,
@@ -13,19 +14,28 @@ from deli.plotting.figures import (
     save_replay,
     trajectory,
 )
+from deli.plotting.lines import color
+from deli.plotting.style import STYLE
 
 __all__ = [
+    "MARKERS",
+    "STYLE",
     "animate",
     "check_movie",
     "check_picture",
+    "color",
     "energy",
+    "energy_traces",
     "gaps",
+    "heat_map",
     "history",
     "momenta",
+    "pareto",
     "performance_profile",
     "residuals",
     "save",
     "save_animation",
     "save_replay",
     "trajectory",
+    "work_precision",
 ]

@@ -24,6 +24,7 @@ from deli.recording.paths import partial_path
 from deli.recording.schema import TRAJECTORY, dataset_of
 from deli.running.interrupts import StopRequests
 from deli.running.progress import ProgressBar
+from solvers.distribution import install_line
 
 SUFFIXES = (".gif", ".mp4")
 DPI = 100
@@ -200,8 +201,7 @@ def ffmpeg() -> str:
         return str(imageio_ffmpeg.get_ffmpeg_exe())
     except (ImportError, RuntimeError) as error:
         raise InputError(
-            "MP4 needs ffmpeg, which was not found; install it with: pip install 'deli[movies]' "
-            "(or pip install imageio-ffmpeg), or write a .gif."
+            f"MP4 needs ffmpeg, which was not found: {install_line('movies')}, or write a .gif."
         ) from error
 
 

@@ -10,9 +10,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Patch, Rectangle
 
 from deli.errors import InputError
+from deli.numerals import numeral
 from deli.plotting.lines import COLORS, color, draw_line, plain, unit
 from deli.plotting.style import STYLE, new_figure
 from deli.recording.schema import TRAJECTORY, dataset_of
@@ -25,6 +26,8 @@ FLOOR = 1e-17  # where zeros are drawn on a logarithmic axis
 
 def pareto(data: xr.Dataset, x: str, y: str, by: str | None = None, ax: Axes | None = None) -> Axes:
     """Draw cases as points and join those that no other case beats in both metrics.
+
+    The legend says how many cases of a label have no point, because they did not end or a number is unknown.
 
     Parameters
     ----------
@@ -44,6 +47,9 @@ def pareto(data: xr.Dataset, x: str, y: str, by: str | None = None, ax: Axes | N
     points: list[tuple[float, float]] = []
     for index, (label, part) in enumerate(_parts(data, by)):
         across, up = _finished(part, x, y)
+        cases = int((part["state"] != "excluded").sum())
+        if label is not None and len(across) < cases:
+            label = f"{label} ({len(across):,} of {cases:,} cases)"
         axes.plot(across, up, color=color(index), marker=_marker(index), linestyle="none", markersize=4, label=label)
         points.extend(zip(across, up, strict=True))
     front = _front(np.array(points).reshape(-1, 2))
@@ -56,7 +62,9 @@ def work_precision(
 ) -> Axes:
     """Draw error against cost, one line for each value of an axis; below and to the left is better.
 
-    Where further axes are left, a line holds the geometric means over them.
+    Where further axes are left, a point is the geometric mean over them, of the same cases as every other point: those
+    in which neither number is known anywhere are no cases, and a point that lacks another is left out. The legend says
+    of how many cases a point is and how many points a line has.
 
     Parameters
     ----------
@@ -81,10 +89,16 @@ def work_precision(
     """
     axes = _axes(ax, data, cost, error)
     _require(data, along)
-    for index, (label, part) in enumerate(_parts(data, by)):
-        others = [str(name) for name in part[error].dims if name != along]
-        values = part[[cost, error]].where(_complete(part))
-        means = np.exp(np.log(np.abs(values).clip(min=FLOOR)).mean(others))
+    others = [str(name) for name in data[error].dims if name not in (along, by)]
+    known = _complete(data) & data[cost].notnull() & data[error].notnull()
+    tried = known.any([name for name in known.dims if name not in others])
+    whole = known.where(tried, other=True).all(others)
+    for index, (label, part) in enumerate(_parts(data.assign(_whole=whole), by)):
+        values = abs(part[[cost, error]]).clip(min=FLOOR).where(tried & part["_whole"])
+        means = values.map(np.log).mean(others).map(np.exp)
+        points = int(part["_whole"].sum())
+        if label is not None and points < part.sizes[along]:
+            label = f"{label} ({points} of {part.sizes[along]} points)"
         axes.plot(
             means[cost].values,
             means[error].values,
@@ -93,13 +107,16 @@ def work_precision(
             markersize=4,
             label=label,
         )
-    return _finish(axes)
+    _finish(axes)
+    if others and (count := int(tried.sum())) != 1 and (legend := axes.get_legend()) is not None:
+        legend.set_title(f"means of {count:,} cases")
+    return axes
 
 
 def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = None) -> Axes:
-    """Draw a metric over two axes of a study, on a logarithmic colour scale; where a case failed is crossed out.
+    """Draw a metric over two axes of a study, on a logarithmic colour scale; where a case is not done is crossed out.
 
-    Numbers are written into the cells where there is room; zero has no colour.
+    Numbers are written into the cells where there is room; zero has no colour. A key tells of such cells.
 
     Parameters
     ----------
@@ -130,16 +147,25 @@ def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = Non
         number = float(worst[row, column])
         style: Any = {"ha": "center", "va": "center", "fontsize": 7}
         hue = "white" if number > 0.0 and float(norm(number)) < 0.5 else "black"
-        axes.text(column + 0.5, row + 0.5, f"{number:.3g}", color=hue, **style)
+        axes.text(column + 0.5, row + 0.5, numeral(number, 3), color=hue, **style)
+    crossed: Any = {"facecolor": "0.88", "edgecolor": "0.45", "hatch": "xx", "linewidth": 0.5}
     for row, column in np.argwhere(failed):
-        axes.add_patch(Rectangle((column, row), 1, 1, facecolor="0.88", edgecolor="0.45", hatch="xx", linewidth=0.5))
+        axes.add_patch(Rectangle((column, row), 1, 1, **crossed))
+    keys = [Patch(**crossed, label="not done")] if failed.any() else []
+    if (worst == 0.0).any():
+        keys.append(Patch(facecolor="white", edgecolor="0.45", linewidth=0.5, label="zero"))
+    if keys:
+        axes.legend(handles=keys, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
     for name, ticks, label in ((x, axes.set_xticks, axes.set_xlabel), (y, axes.set_yticks, axes.set_ylabel)):
         words = [_word(entry) for entry in data[name].values.tolist()]
         ticks(np.arange(len(words)) + 0.5, words)
         label(name)
     axes.tick_params(axis="x", labelrotation=45 if data.sizes[x] > 5 else 0)
     axes.grid(visible=False)
-    axes.figure.colorbar(mesh, ax=axes, label=_label(data, value))
+    count = (data["state"] != "excluded").sum(others)
+    fewest, most = int(count.where(count > 0).min()), int(count.max())
+    of = f"\nworst of {most if fewest == most else f'{fewest} to {most}'} cases" if most > 1 else ""
+    axes.figure.colorbar(mesh, ax=axes, label=f"{_label(data, value)}{of}")
     return axes
 
 
@@ -203,7 +229,7 @@ def _parts(data: xr.Dataset, by: str | None) -> Iterator[tuple[str | None, xr.Da
 
 
 def _word(entry: Any) -> str:
-    return f"{entry:.4g}" if isinstance(entry, float | np.floating) else plain(str(entry))
+    return numeral(float(entry)) if isinstance(entry, float | np.floating) else plain(str(entry))
 
 
 def _complete(data: xr.Dataset) -> xr.DataArray:

@@ -4,6 +4,7 @@ import os
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -14,9 +15,11 @@ from matplotlib.figure import Figure, SubFigure
 from deli.errors import InputError
 from deli.mechanics.scene import Scene
 from deli.plotting.history import draw_energy, draw_gaps, draw_history, draw_momenta, draw_residuals, set_time_axis
+from deli.plotting.lines import Series, series_on
 from deli.plotting.profiles import draw_profile, draw_replay
 from deli.plotting.style import STYLE, check_folder, known_scene, new_figure, run_title
 from deli.plotting.trajectory import draw_paths, draw_trajectory, tells_apart
+from deli.recording.members import is_ensemble
 from deli.recording.whole import replacing
 
 SUFFIXES = (".png", ".pdf", ".svg")
@@ -29,7 +32,8 @@ def history(run: xr.DataTree) -> Figure:
     Parameters
     ----------
     run : xarray.DataTree
-        From `deli.simulate` or `deli.open_run`.
+        From `deli.simulate`, `deli.simulate_ensemble` or `deli.open_run`. Of an ensemble of up to eight members each is
+        a line, with its labels; of more, their median and the band from the smallest to the largest.
 
     Returns
     -------
@@ -42,27 +46,71 @@ def history(run: xr.DataTree) -> Figure:
     return figure
 
 
-def energy(run: xr.DataTree, ax: Axes | None = None) -> Figure | SubFigure:
-    """Draw the energy error over time; on the given axes, or in a figure of its own, which is returned."""
-    return _panel(draw_energy, run, ax)
+def energy(
+    run: xr.DataTree, ax: Axes | None = None, *, label: str | None = None, color: Any = None
+) -> Figure | SubFigure:
+    """Draw the energy error over time.
+
+    Parameters
+    ----------
+    run : xarray.DataTree
+        From `deli.simulate` or `deli.open_run`.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw, beside what is there; a figure of its own if left out.
+    label : str, optional
+        Name of the run in a legend, for axes that show several.
+    color : optional
+        Colour of the run's lines, as matplotlib takes it; by default the next that the axes do not have yet.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The axes' figure.
+
+    Raises
+    ------
+    InputError
+        If `label` or `color` is none.
+
+    Examples
+    --------
+    >>> axes = Figure().subplots()
+    >>> for name in ("midpoint", "verlet"):
+    ...     run = deli.simulate(deli.scenes.pogo_stick(), deli.GVI(name), step_size=0.1, steps=500)
+    ...     figure = deli.plotting.energy(run, axes, label=name)
+    """
+    return _panel(draw_energy, run, ax, label, color)
 
 
-def momenta(run: xr.DataTree, ax: Axes | None = None) -> Figure | SubFigure:
+def momenta(
+    run: xr.DataTree, ax: Axes | None = None, *, label: str | None = None, color: Any = None
+) -> Figure | SubFigure:
     """Draw the errors of conserved momenta over time (all momenta if none is), see `energy`."""
-    return _panel(draw_momenta, run, ax)
+    return _panel(draw_momenta, run, ax, label, color)
 
 
-def gaps(run: xr.DataTree, ax: Axes | None = None) -> Figure | SubFigure:
+def gaps(
+    run: xr.DataTree, ax: Axes | None = None, *, label: str | None = None, color: Any = None
+) -> Figure | SubFigure:
     """Draw the smallest gap over time, see `energy`; raise InputError if the run has no unilateral constraints."""
-    return _panel(draw_gaps, run, ax)
+    return _panel(draw_gaps, run, ax, label, color)
 
 
-def residuals(run: xr.DataTree, ax: Axes | None = None) -> Figure | SubFigure:
+def residuals(
+    run: xr.DataTree, ax: Axes | None = None, *, label: str | None = None, color: Any = None
+) -> Figure | SubFigure:
     """Draw the solvers' scaled residuals over time, see `energy`."""
-    return _panel(draw_residuals, run, ax)
+    return _panel(draw_residuals, run, ax, label, color)
 
 
-def trajectory(run: xr.DataTree, scene: Scene | None = None, ax: Axes | None = None) -> Figure | SubFigure:
+def trajectory(
+    run: xr.DataTree,
+    scene: Scene | None = None,
+    ax: Axes | None = None,
+    *,
+    label: str | None = None,
+    color: Any = None,
+) -> Figure | SubFigure:
     """Draw where the bodies go: paths in space, or height over time in one dimension.
 
     Parameters
@@ -73,6 +121,8 @@ def trajectory(run: xr.DataTree, scene: Scene | None = None, ax: Axes | None = N
         Where walls, rods and radii come from; scenes of deli's own are found by name.
     ax : matplotlib.axes.Axes, optional
         Where to draw, with ``projection="3d"`` for a run in space; a figure of its own if left out.
+    label, color : optional
+        As for `energy`; the colour is that of all bodies.
 
     Returns
     -------
@@ -82,41 +132,52 @@ def trajectory(run: xr.DataTree, scene: Scene | None = None, ax: Axes | None = N
     Raises
     ------
     InputError
-        If the scene is not the run's, or the axes have another dimension.
+        If the scene is not the run's, by the digest of its content, the axes have another dimension, or the run is an
+        ensemble.
     """
     with matplotlib.rc_context(STYLE):
         if ax is not None:
-            draw_paths(ax, run, known_scene(run, scene))
+            draw_paths(ax, run, known_scene(run, scene), series=series_on(ax, label, color))
             if tells_apart(ax):
                 ax.legend()
             return ax.figure
         figure = new_figure((7.0, 7.0))
-        draw_trajectory(figure, run, known_scene(run, scene))
+        draw_trajectory(figure, run, known_scene(run, scene), series_on(None, label, color))
         figure.suptitle(run_title(run), fontsize=10)
     return figure
 
 
-def _panel(draw: Callable[[Axes, xr.DataTree], None], run: xr.DataTree, ax: Axes | None) -> Figure | SubFigure:
+def _panel(
+    draw: Callable[[Axes, xr.DataTree, Series], None],
+    run: xr.DataTree,
+    ax: Axes | None,
+    label: str | None,
+    color: Any,
+) -> Figure | SubFigure:
     with matplotlib.rc_context(STYLE):
+        series = series_on(ax, label, color)
         axes = new_figure((8.0, 3.0)).subplots() if ax is None else ax
-        draw(axes, run)
-        set_time_axis(axes, run)
+        draw(axes, run, series)
+        set_time_axis(axes, run, wider=series.beside)
         if ax is None:
             axes.figure.suptitle(run_title(run), fontsize=10)
     return axes.figure
 
 
 def save(run: xr.DataTree, path: str | os.PathLike[str], scene: Scene | None = None) -> None:
-    """Draw history and trajectory side by side into a file.
+    """Draw history and trajectory side by side into a file; of an ensemble only the history.
 
     Raises
     ------
     InputError
-        If the file cannot be written or its format is unknown.
+        If the file cannot be written, its format is unknown, or the scene is not the run's.
     """
     check_picture(Path(path))
     # Margins of logarithmic axes about the largest numbers overflow, which matplotlib sees to.
     with matplotlib.rc_context(STYLE), np.errstate(over="ignore"):
+        if is_ensemble(run):
+            write_picture(history(run), Path(path))
+            return
         figure = new_figure((13.5, 7.6))
         left, right = figure.subfigures(1, 2, width_ratios=(1.15, 1.0), wspace=0.04, squeeze=False)[0]
         draw_history(left, run)
@@ -178,14 +239,17 @@ def write_picture(figure: Figure, path: Path, dpi: float = DPI) -> None:
         figure.savefig(fresh, dpi=dpi, format=path.suffix[1:].lower())
 
 
-def check_picture(path: Path) -> None:
-    """Refuse a picture that cannot be written.
+def check_picture(path: Path, *, overwrite: bool = True) -> None:
+    """Refuse a picture that cannot be written, or that exists and may not be overwritten.
 
     Raises
     ------
     InputError
-        If the folder is missing or unwritable, or the suffix is none of .png, .pdf and .svg.
+        If the folder is missing or unwritable, the suffix is none of .png, .pdf and .svg, or the file exists and
+        `overwrite` is not set.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"picture {path}: found the suffix {path.suffix!r}; allowed: {', '.join(SUFFIXES)}.")
     check_folder("picture", path)
+    if path.exists() and not overwrite:
+        raise InputError(f"picture {path} exists; name another, or replace it (--overwrite).")

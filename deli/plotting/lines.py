@@ -1,14 +1,21 @@
-"""Lines of any length: drawn as they are while the eye can follow them, as an envelope beyond that."""
+"""Lines of any length, of which no row that shows is left out."""
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
+from matplotlib.colors import is_color_like, to_hex
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.lines import Line2D
+
+from deli.errors import InputError
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
-POINTS, TURNS, BINS, MEANS = 6000, 300, 700, 140
+DASHES = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
+"""For readers who cannot tell colours apart, and where colours run out."""
+DOTS, NOTHING = ".x+1", "nothing"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -27,46 +34,167 @@ def unit(units: str) -> str:
     return "" if units == "1" else f" [{units.translate(SUPERSCRIPTS)}]"
 
 
-def draw_line(axes: Axes, time: np.ndarray, values: np.ndarray, hue: str, label: str | None = None) -> None:
-    """Draw values over time; where they turn too often for the eye, their range and their running mean.
+class Series(NamedTuple):
+    """Looks of the lines of one run, on axes that may hold those of other runs.
 
-    That is beyond `TURNS` turning points or `POINTS` points.
+    Attributes
+    ----------
+    label : str or None
+        Name of the run in the legend.
+    hue : object
+        Colour of all its lines, which differ by their dashes then; or None.
+    beside : bool
+        Whether there is something on the axes already.
+    used : int
+        How many of our colours are there already.
     """
-    if _turns(values) <= TURNS and len(time) <= POINTS:
-        axes.plot(time, values, color=hue, label=label, linewidth=0.9)
-    else:
-        draw_range(axes, time, values, hue, label)
+
+    label: str | None = None
+    hue: Any = None
+    beside: bool = False
+    used: int = 0
+
+    @property
+    def alone(self) -> bool:
+        """Whether the title may speak of this run."""
+        return self.label is None and not self.beside
+
+    def name(self, line: str | None = None) -> str | None:
+        """Return the label of a line."""
+        words = (None if self.label is None else plain(self.label), line)
+        return ", ".join(word for word in words if word) or None
+
+    def looks(self, index: int = 0, own: str | None = None) -> dict[str, Any]:
+        """Return colour and dashes of a line, given its place among the lines of the run; `own` is its usual colour."""
+        if self.hue is not None:
+            return {"hue": self.hue, "linestyle": DASHES[index % len(DASHES)]}
+        return {"hue": own or color(self.used + index)}
 
 
-def draw_range(axes: Axes, time: np.ndarray, values: np.ndarray, hue: str, label: str | None = None) -> None:
-    """Draw the range of values and their running mean.
+ALONE = Series()
 
-    A bin of the range spans some oscillations, so that the range shows their amplitude and not where in the oscillation
-    a bin ends.
+
+def series_on(axes: Axes | None, label: str | None, hue: Any) -> Series:
+    """Return how the next run on some axes, or on new ones, is drawn.
+
+    Raises
+    ------
+    InputError
+        If the label is no string, or the colour none that matplotlib knows.
     """
-    bins = min(int(np.clip(_turns(values) // 6, MEANS // 2, BINS)), len(values))
-    middle, low = _binned(time, bins, np.mean), _binned(values, bins, np.min)
-    axes.fill_between(middle, low, _binned(values, bins, np.max), color=hue, alpha=0.3, linewidth=0)
-    means = min(bins, MEANS)
-    axes.plot(_binned(time, means, np.mean), _binned(values, means, np.mean), color=hue, label=label, linewidth=0.9)
+    if label is not None and not isinstance(label, str):
+        raise InputError(f"label: found {label!r}; pass a string.")
+    if hue is not None and not is_color_like(hue):
+        raise InputError(f"color: found {hue!r}; pass a colour of matplotlib's, such as 'C1', 'black' or '#0072B2'.")
+    if axes is None:
+        return Series(label, hue)
+    lines = [line for line in axes.lines if isinstance(line, Trace) or not str(line.get_label()).startswith("_")]
+    used = {to_hex(line.get_color()).upper() for line in lines} & set(COLORS)
+    return Series(label, hue, axes.has_data(), len(used))
 
 
-def _turns(values: np.ndarray) -> int:
-    return int(np.count_nonzero(np.diff(np.sign(np.diff(values)))))
+class Trace(Line2D):
+    """A line over time that looks as if all rows were drawn, at the cost of a few for each pixel.
+
+    Where a column of pixels holds several rows, the line goes through the first, the smallest, the largest and the last
+    of them, in their order (M4; Jugel et al. 2014). It then fills the range of the column, as all rows would. Columns
+    are those of the axes when they are drawn, at any size, resolution and zoom; the data of the line stay whole.
+    """
+
+    def draw(self, renderer: RendererBase) -> None:
+        """Draw the rows that can be told apart."""
+        data = np.asarray(self.get_xydata(), dtype=float)
+        kept = self._kept(data, self.get_transform().transform(data))
+        if len(kept) == len(data):
+            super().draw(renderer)
+            return
+        thinned = Line2D(*data[kept].T)
+        thinned.update_from(self)
+        thinned.draw(renderer)
+        self.stale = False
+
+    def _kept(self, data: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        axes: Any = self.axes
+        left, right = axes.bbox.intervalx
+        return extreme_rows(np.floor(np.clip(pixels[:, 0], left - 1.0, right + 1.0)), data[:, 1])
 
 
-def _binned(values: np.ndarray, bins: int, reduce: Callable[[np.ndarray], float]) -> np.ndarray:
-    return np.array([reduce(part) for part in np.array_split(values, bins)])
+class Dots(Trace):
+    """Dots; of those on the same pixel one is drawn."""
+
+    def _kept(self, data: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        cells = np.floor(pixels)
+        return np.sort(np.unique(cells[:, 0] + 1j * cells[:, 1], return_index=True)[1])
 
 
-def draw_worst(axes: Axes, time: np.ndarray, values: np.ndarray, hue: str, label: str, **style: Any) -> None:
-    """Draw values as dots for a log axis; of many points, the largest of each bin. Zeros are left out."""
+class Track(Trace):
+    """A path in the plane; of successive rows on the same pixel the first and the last are drawn."""
+
+    def _kept(self, data: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        moved = (np.diff(np.floor(pixels), axis=0) != 0.0).any(axis=1)
+        return np.flatnonzero(np.append(True, moved) | np.append(moved, True))
+
+
+def extreme_rows(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the first, the smallest, the largest and the last row of each column, and all rows that are not finite.
+
+    Parameters
+    ----------
+    columns : numpy.ndarray
+        The column of each row, which never falls, shape (rows,).
+    values : numpy.ndarray
+        Shape (rows,).
+
+    Returns
+    -------
+    numpy.ndarray
+        Indices of rows, rising.
+    """
+    known = np.isfinite(values)
+    rows = np.flatnonzero(known)
+    if len(rows) == 0:
+        return np.arange(len(values))
+    columns, values = columns[rows], values[rows]
+    starts = np.flatnonzero(np.diff(columns, prepend=-np.inf))
+    sizes = np.diff(starts, append=len(rows))
+    kept = [starts, starts + sizes - 1]
+    for extreme in (np.minimum, np.maximum):
+        there = np.flatnonzero(values == np.repeat(extreme.reduceat(values, starts), sizes))
+        kept.append(there[np.searchsorted(there, starts)])
+    return np.union1d(rows[np.concatenate(kept)], np.flatnonzero(~known))
+
+
+def draw_line(
+    axes: Axes, time: np.ndarray, values: np.ndarray, hue: Any, label: str | None = None, **style: Any
+) -> None:
+    """Draw values over time; where rows are closer than a pixel, see `Trace`."""
+    _add(axes, Trace(time, values, color=hue, label=label, **{"linewidth": 0.9, **style}))
+
+
+def draw_dots(
+    axes: Axes, time: np.ndarray, values: np.ndarray, hue: Any, label: str | None, linestyle: Any = "-", **style: Any
+) -> None:
+    """Draw values as dots for a logarithmic axis; zeros are left out, and other marks stand for dashes."""
     positive = np.isfinite(values) & (values > 0)
-    time, values = time[positive], values[positive]
-    if len(time) > POINTS:
-        time, values = _binned(time, BINS, np.mean), _binned(values, BINS, np.max)
-    if len(time):
-        axes.plot(time, values, color=hue, label=label, linestyle="none", marker=".", markersize=2.5, **style)
+    if positive.any():
+        looks: dict[str, Any] = {"linestyle": "none", "marker": DOTS[DASHES.index(linestyle)], "markersize": 2.5}
+        _add(axes, Dots(time[positive], values[positive], color=hue, label=label, **looks, **style))
+
+
+def draw_track(axes: Axes, path: np.ndarray, hue: str, **style: Any) -> None:
+    """Draw a path in the plane, shape (rows, 2), see `Track`."""
+    _add(axes, Track(*path.T, color=hue, **style))
+
+
+def layers(extents: Sequence[float]) -> list[float]:
+    """Return the zorder of each of some lines, so that the one of largest extent hides none of the others."""
+    order = np.argsort(np.argsort(extents))
+    return [2.0 - 0.1 * float(rank) / len(extents) for rank in order]
+
+
+def _add(axes: Axes, line: Line2D) -> None:
+    axes.add_line(line)
+    axes.autoscale_view()
 
 
 def legend_above(axes: Axes) -> None:
@@ -94,8 +222,11 @@ def legend_below(figure: Figure | SubFigure, axes: Axes) -> None:
 
 def scale_log(axes: Axes, nothing: str) -> None:
     """Give the axes a logarithmic scale, or the words `nothing` where no value is positive."""
+    for words in [text for text in axes.texts if text.get_gid() == NOTHING]:  # of a run drawn before
+        words.remove()
     if axes.has_data():
         axes.set_yscale("log")
         return
     axes.set_yticks([])
-    axes.text(0.5, 0.5, nothing, transform=axes.transAxes, ha="center", va="center", color="0.4", fontsize=9)
+    style: dict[str, Any] = {"ha": "center", "va": "center", "color": "0.4", "fontsize": 9, "gid": NOTHING}
+    axes.text(0.5, 0.5, nothing, transform=axes.transAxes, **style)

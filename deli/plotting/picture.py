@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from deli.mechanics.scene import Scene
 from deli.plotting import shapes
-from deli.plotting.lines import POINTS, color, draw_line, unit
+from deli.plotting.lines import color, draw_line, unit
 from deli.plotting.stages import STAGES, draw_walls
 from deli.plotting.style import new_figure, run_title
 from deli.recording.schema import TRAJECTORY, dataset_of
@@ -134,13 +134,10 @@ class Picture:
         shown = slice(self._rows[0], self._rows[-1] + 1)
         bodies = np.unique(np.linspace(0, position.shape[1] - 1, min(position.shape[1], CURVES)).round().astype(int))
         for body in bodies:
-            if self._box[0] == 0.0:
-                draw_line(axes, self._time[shown], position[shown, body, 0], color(int(body)))
-                continue
-            stride = max(1, (shown.stop - shown.start) // POINTS)
-            path = _wrapped(position[shown, body, 0][::stride], self._box)
-            path[1:][np.abs(np.diff(path)) > 0.5 * self._box[0]] = np.nan  # no line across the box
-            axes.plot(self._time[shown][::stride], path, color=color(int(body)), linewidth=0.9)
+            time, path = self._time[shown], position[shown, body, 0]
+            if self._box[0] > 0.0:
+                time, path = _torn(time, _wrapped(path, self._box), 0.5 * self._box[0])
+            draw_line(axes, time, path, color(int(body)))
         axes.set_title(" ")
         self._end_axis(axes)
 
@@ -172,6 +169,12 @@ def _wrapped(places: np.ndarray, box: np.ndarray) -> np.ndarray:
     """Return places within a periodic box; along axes that are not periodic, as they are."""
     length = np.where(box > 0.0, box, 1.0)
     return np.where(box > 0.0, np.mod(places, length), places)
+
+
+def _torn(time: np.ndarray, path: np.ndarray, jump: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return a path with a gap wherever it jumps so far: no line goes across a periodic box."""
+    gaps = 1 + np.flatnonzero(np.abs(np.diff(path)) > jump)
+    return np.insert(time, gaps, time[gaps]), np.insert(path, gaps, np.nan)
 
 
 def _limits(

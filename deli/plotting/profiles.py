@@ -7,11 +7,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from deli.plotting.lines import COLORS, color, legend_below, plain
+from deli.numerals import numeral
+from deli.plotting.lines import COLORS, DASHES, color, legend_below, plain
 from deli.replaying.profiles import performance_profile
 
-DASHES = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
-"""For readers who cannot tell colours apart, and where colours run out."""
 ROUNDING = 1e-16
 
 
@@ -21,7 +20,8 @@ def draw_profile(axes: Axes, data: xr.Dataset) -> None:
     draw_shares(axes, profile)
     axes.set_xlabel("time over that of the fastest backend on the problem")
     axes.set_ylabel("share of problems solved, verified")
-    axes.set_title(f"performance profile ({data.sizes['problem']:,} problems, tolerance {data.attrs['tolerance']:g})")
+    tolerance = numeral(data.attrs["tolerance"])
+    axes.set_title(f"performance profile ({data.sizes['problem']:,} problems, tolerance {tolerance})")
 
 
 def draw_shares(axes: Axes, profile: xr.DataArray) -> None:

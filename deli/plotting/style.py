@@ -10,9 +10,12 @@ from matplotlib.figure import Figure
 
 from deli.errors import InputError
 from deli.mechanics.scene import Scene
+from deli.plotting.lines import plain
+from deli.recording.members import count_members, is_ensemble, name_of
 from deli.recording.paths import check_name
 from deli.recording.provenance import scene_of
-from deli.recording.schema import TRAJECTORY, dataset_of
+from deli.recording.scene_record import require_scene_of
+from deli.recording.schema import MEMBER
 
 STYLE: Any = {
     "axes.spines.top": False,
@@ -43,6 +46,8 @@ def new_figure(size: tuple[float, float]) -> Figure:
 def run_title(run: xr.DataTree) -> str:
     """Return what was run, and how it ended where it did not end well."""
     title, outcome = run.attrs["title"], run.attrs["outcome"]
+    if MEMBER in run.coords and not is_ensemble(run):
+        title, outcome = f"{title}; {plain(name_of(run))}", str(run.variables["outcome"].values)
     if outcome == "complete":
         return str(title)
     return f"{title}\n{outcome if len(outcome) < 120 else outcome[:117] + '...'}"
@@ -54,16 +59,16 @@ def known_scene(run: xr.DataTree, scene: Scene | None) -> Scene | None:
     Raises
     ------
     InputError
-        If the given scene has not as many bodies and dimensions as the run.
+        If the given scene is not the run's, or the run is an ensemble.
     """
+    if is_ensemble(run):
+        raise InputError(
+            f"the run is an ensemble of {count_members(run)} members, each at another place; draw one of them, "
+            "run.isel(member=0), on the command line with --member 0."
+        )
     if scene is None:
         return scene_of(run)
-    sizes = dataset_of(run, TRAJECTORY).sizes
-    if (scene.dof, scene.dimension) != (sizes["dof"], sizes["axis"]):
-        raise InputError(
-            f"scene: found {scene.bodies} bodies in {scene.dimension} dimensions; the run has "
-            f"{sizes['dof'] // sizes['axis']} in {sizes['axis']}. Pass the scene that was run."
-        )
+    require_scene_of(run, scene)
     return scene
 
 

@@ -11,29 +11,31 @@ from matplotlib.patches import Circle
 from deli.errors import InputError
 from deli.mechanics.scene import Scene
 from deli.plotting import shapes
-from deli.plotting.lines import COLORS, POINTS, color, draw_line, legend_below, unit
+from deli.plotting.lines import ALONE, COLORS, Series, color, draw_line, draw_track, legend_below, unit
 from deli.recording.schema import TRAJECTORY, dataset_of
 
-RECENT, CLOSE_UP, PATH_POINTS = 400, 300, 20_000
+RECENT, CLOSE_UP, LONG = 400, 300, 6000
 
 
-def draw_trajectory(figure: Figure | SubFigure, run: xr.DataTree, scene: Scene | None) -> None:
+def draw_trajectory(figure: Figure | SubFigure, run: xr.DataTree, scene: Scene | None, series: Series = ALONE) -> None:
     """Draw a run's positions with the scene's walls, rods, springs and radii, as far as they are known."""
     recorded = dataset_of(run, TRAJECTORY)
     rows, dimension = recorded.sizes["time"], recorded.sizes["axis"]
-    if dimension == 1 and rows > POINTS:
+    if dimension == 1 and rows > LONG:
         axes, close_up = figure.subplots(2, 1)
-        draw_paths(axes, run, scene)
-        draw_paths(close_up, run, scene, CLOSE_UP)
+        draw_paths(axes, run, scene, series=series)
+        draw_paths(close_up, run, scene, CLOSE_UP, series)
         close_up.set_title(f"the first {CLOSE_UP} rows")
     else:
         axes = figure.subplots(subplot_kw={"projection": "3d"} if dimension == 3 else {})
-        draw_paths(axes, run, scene)
+        draw_paths(axes, run, scene, series=series)
     if tells_apart(axes):
         legend_below(figure, axes)
 
 
-def draw_paths(axes: Any, run: xr.DataTree, scene: Scene | None, rows: int | None = None) -> None:
+def draw_paths(
+    axes: Any, run: xr.DataTree, scene: Scene | None, rows: int | None = None, series: Series = ALONE
+) -> None:
     """Draw a run's positions on axes, those of the first rows if so many are asked for.
 
     Raises
@@ -48,7 +50,8 @@ def draw_paths(axes: Any, run: xr.DataTree, scene: Scene | None, rows: int | Non
         needed = 'projection="3d"' if dimension == 3 else "plain axes"
         raise InputError(f"ax: found {axes.name!r} axes; a run in {dimension} dimensions needs {needed}.")
     paths = position.values.reshape(len(time), -1, dimension)
-    {1: _draw_line, 2: _draw_plane, 3: _draw_space}[dimension](axes, time, paths, scene, position.attrs["units"])
+    draw = {1: _draw_line, 2: _draw_plane, 3: _draw_space}[dimension]
+    draw(axes, time, paths, scene, position.attrs["units"], series)
 
 
 def tells_apart(axes: Axes) -> bool:
@@ -56,15 +59,18 @@ def tells_apart(axes: Axes) -> bool:
     return len(axes.get_legend_handles_labels()[1]) <= len(COLORS)
 
 
-def _draw_line(axes: Axes, time: np.ndarray, paths: np.ndarray, scene: Scene | None, units: str) -> None:
+def _draw_line(
+    axes: Axes, time: np.ndarray, paths: np.ndarray, scene: Scene | None, units: str, series: Series
+) -> None:
     for body in range(paths.shape[1]):
-        draw_line(axes, time, paths[:, body, 0], color(body), f"body {body}")
+        draw_line(axes, time, paths[:, body, 0], label=series.name(f"body {body}"), **series.looks(body))
     for normal, offset in shapes.planes(scene) if scene is not None else ():
         _shade_beyond(axes, float(normal[0]), offset)
     axes.set_ylabel(f"position{unit(units)}")
     axes.set_xlabel("time [T]")
     if len(time) > 1:
-        axes.set_xlim(time[0], time[-1])
+        low, high = axes.get_xlim() if series.beside else (time[0], time[-1])
+        axes.set_xlim(min(low, time[0]), max(high, time[-1]))
     axes.set_title("position over time")
 
 
@@ -77,8 +83,10 @@ def _shade_beyond(axes: Axes, normal: float, offset: float) -> None:
     axes.set_ylim(low, high)
 
 
-def _draw_plane(axes: Axes, time: np.ndarray, paths: np.ndarray, scene: Scene | None, units: str) -> None:
-    _draw_paths(axes, paths)
+def _draw_plane(
+    axes: Axes, time: np.ndarray, paths: np.ndarray, scene: Scene | None, units: str, series: Series
+) -> None:
+    _draw_paths(axes, paths, series)
     draw_bodies(axes, scene, paths[-1])
     axes.set_xlabel(f"x{unit(units)}")
     axes.set_ylabel(f"y{unit(units)}")
@@ -104,8 +112,10 @@ def draw_bodies(axes: Axes, scene: Scene | None, places: np.ndarray) -> None:
         axes.axline(tuple(offset * normal), slope=_slope(normal), color="0.2", linewidth=1.2)
 
 
-def _draw_space(axes: Any, time: np.ndarray, paths: np.ndarray, scene: Scene | None, units: str) -> None:
-    _draw_paths(axes, paths)
+def _draw_space(
+    axes: Any, time: np.ndarray, paths: np.ndarray, scene: Scene | None, units: str, series: Series
+) -> None:
+    _draw_paths(axes, paths, series)
     if scene is not None:
         for centre, radius in shapes.containers_near(scene, paths):
             draw_container(axes, centre, radius)
@@ -128,16 +138,24 @@ def sphere() -> np.ndarray:
     return np.stack([np.sin(along) * np.cos(around), np.sin(along) * np.sin(around), np.cos(along)])
 
 
-def _draw_paths(axes: Any, paths: np.ndarray) -> None:
+def _draw_paths(axes: Any, paths: np.ndarray, series: Series) -> None:
     """Draw the whole of each path palely, its last part strongly, its start open and its end filled."""
-    stride = max(1, len(paths) // PATH_POINTS)
     for body in range(paths.shape[1]):
-        path, hue = paths[:, body], color(body)
+        path, hue = paths[:, body], series.looks(body)["hue"]
         if len(paths) > RECENT:
-            axes.plot(*path[::stride].T, color=hue, alpha=0.25, linewidth=0.4)
-        axes.plot(*path[-RECENT:].T, color=hue, linewidth=0.9)
+            _draw_path(axes, path, hue, alpha=0.25, linewidth=0.4)
+        _draw_path(axes, path[-RECENT:], hue, linewidth=0.9)
         axes.plot(*path[:1].T, color=hue, marker="o", markerfacecolor="none", markersize=5, linestyle="none")
-        axes.plot(*path[-1:].T, color=hue, marker="o", markersize=5, linestyle="none", label=f"body {body}")
+        axes.plot(
+            *path[-1:].T, color=hue, marker="o", markersize=5, linestyle="none", label=series.name(f"body {body}")
+        )
+
+
+def _draw_path(axes: Any, path: np.ndarray, hue: str, **style: Any) -> None:
+    if path.shape[1] == 2:
+        draw_track(axes, path, hue, **style)
+    else:
+        axes.plot(*path.T, color=hue, **style)
 
 
 def draw_links(axes: Any, scene: Scene, bodies: np.ndarray) -> None:

@@ -85,10 +85,10 @@ def main(file: str, values: bool) -> None:
 
 def _limit(size: int) -> None:
     """Bound this process's time and memory, where the system can."""
-    if os.name != "posix":
+    try:
+        import resource
+    except ImportError:  # Windows has no such limits
         return
-    import resource
-
     seconds = SECONDS + size // BYTES_A_SECOND
     signal.alarm(10 * seconds)  # of waiting
     limits = {resource.RLIMIT_CPU: seconds, resource.RLIMIT_AS: MEMORY + COPIES * size, resource.RLIMIT_CORE: 0}

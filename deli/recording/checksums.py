@@ -12,8 +12,9 @@ import netCDF4
 import numpy as np
 
 from deli.recording.contents import Stored
-from deli.recording.schema import Block, Groups, Schema
+from deli.recording.schema import Groups, Schema
 from deli.recording.subproblems import COUNTED, places
+from deli.recording.variable import Block
 
 CHECKSUMS, COVERED = "checksums", "checksums_cover"
 SLOTS = 2

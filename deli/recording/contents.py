@@ -1,5 +1,6 @@
 """What a netCDF file of deli's holds, as it stands there: rows that are committed, and none of it believed."""
 
+import math
 import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -18,6 +19,8 @@ SMALLEST = 64
 """Bytes of values that a file of any size may say it has."""
 DEFLATED = 1032
 """How many times smaller deflate makes values at most; deli itself writes them as they are."""
+WORD_BYTES = 16
+"""What a file keeps of a word besides its letters."""
 
 LIBRARY = threading.RLock()
 """Held around every use of the netCDF library, which is not safe to use from several threads."""
@@ -110,16 +113,21 @@ def load(dataset: netCDF4.Dataset, path: Path, values: bool) -> Iterator[Any]:
         plan = []
         for group, owner in owners.items():
             for name, variable in owner.variables.items():
-                if not _plain(variable):
+                found: Any = variable
+                if variable.dtype is str:
+                    found = _letters(variable, f"{group.strip('/')}/{name}".strip("/"), room, path)
+                elif not _plain(variable):
                     continue
+                dims = variable.dimensions if found is variable else (*variable.dimensions, f"{name}_letter")
                 shape = tuple(
                     min(size, ends.get(dim, size)) if place == 0 else size
-                    for place, (dim, size) in enumerate(zip(variable.dimensions, variable.shape, strict=True))
+                    for place, (dim, size) in enumerate(zip(dims, found.shape, strict=True))
                 )
-                _require_room(variable, f"{group.strip('/')}/{name}".strip("/"), shape, room, path)
-                empty = np.broadcast_to(np.zeros((), variable.dtype), shape)
-                contents.groups[group][name] = Stored(variable.dimensions, empty, attributes_of(variable))
-                plan.append((variable, shape))
+                if found is variable:
+                    _require_room(variable, f"{group.strip('/')}/{name}".strip("/"), shape, room, path)
+                empty = np.broadcast_to(np.zeros((), found.dtype), shape)
+                contents.groups[group][name] = Stored(dims, empty, attributes_of(variable))
+                plan.append((found, shape))
         yield contents
         for variable, shape in plan:
             found = variable[: shape[0]] if shape else variable[...]
@@ -158,6 +166,17 @@ def _ends(dataset: netCDF4.Dataset) -> dict[str, int]:
 def _plain(variable: netCDF4.Variable) -> bool:
     """Whether values are numbers or letters; others are none of deli's."""
     return isinstance(variable.dtype, np.dtype) and variable.dtype.kind in "iufS" and variable.dtype.itemsize <= 8
+
+
+def _letters(variable: netCDF4.Variable, name: str, room: int, path: Path) -> np.ndarray:
+    """Return words of any length as deli stores words, in rows of letters: other programs write them so."""
+    if WORD_BYTES * math.prod(variable.shape) > room:
+        raise InputError(f"{path} is damaged: {name} has the shape {variable.shape}, and the file {room:,} bytes.")
+    words = [str(word).encode() for word in np.asarray(variable[...], dtype=object).reshape(-1)]
+    width = max(map(len, words), default=0) or 1
+    if width * len(words) > DEFLATED * room:
+        raise InputError(f"{path} is damaged: {name} has {len(words):,} words of up to {width:,} letters.")
+    return np.array(words, f"S{width}").view("S1").reshape(*variable.shape, width)
 
 
 def _require_room(variable: netCDF4.Variable, name: str, shape: tuple[int, ...], room: int, path: Path) -> None:

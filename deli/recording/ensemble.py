@@ -11,11 +11,10 @@ from deli.kernels.advance import BLOCK, Block
 from deli.kernels.record import Record, Records
 from deli.mechanics.scene import Scene
 from deli.memory import available_memory
+from deli.recording.ensemble_file import member_dims, store_as_letters
 from deli.recording.recorder import STAT_NAMES, named_diagnostics
-from deli.recording.schema import STATS, TRAJECTORY, Schema, Variable, coordinates
+from deli.recording.schema import MEMBER, STATS, TRAJECTORY, Schema, Variable, coordinates
 from deli.subproblems.stats import COUNTS, UNUSED
-
-MEMBER = "member"
 
 
 class Gathering:
@@ -25,6 +24,8 @@ class Gathering:
     ----------
     members, rows : int
     schema : Schema
+    stats : bool
+        Whether to keep the statistics of solvers.
 
     Raises
     ------
@@ -32,9 +33,9 @@ class Gathering:
         If the rows need more memory than there is.
     """
 
-    def __init__(self, members: int, rows: int, schema: Schema) -> None:
+    def __init__(self, members: int, rows: int, schema: Schema, stats: bool = True) -> None:
         dimension = schema.dimension
-        columns = 4 + dimension + {1: 0, 2: 1, 3: 3}[dimension]
+        columns, counted = 4 + dimension + {1: 0, 2: 1, 3: 3}[dimension], rows if stats else 0
         shapes: dict[str, tuple[tuple[int, ...], Any]] = {
             "progress": ((2,), np.int64),
             "steps": ((rows,), np.int64),
@@ -42,16 +43,16 @@ class Gathering:
             "momentum": ((rows, schema.dof), np.float64),
             "memory": ((rows, len(schema.memory), schema.dof), np.float64),
             "diagnostics": ((rows, columns), np.float64),
-            "counts": ((rows, len(COUNTS), 3), np.int64),
-            "times": ((rows, 2, 3), np.float64),
-            "residuals": ((rows, 3, 3), np.float64),
-            "status": ((rows, 3), np.int64),
+            "counts": ((counted, len(COUNTS), 3), np.int64),
+            "times": ((counted, 2, 3), np.float64),
+            "residuals": ((counted, 3, 3), np.float64),
+            "status": ((counted, 3), np.int64),
             "contacts": ((rows, 2), np.int64),
         }
         entries = sum(int(np.prod(shape)) for shape, _ in shapes.values())
         _require_memory(members, rows, 8 * members * (entries + 2 * rows))
         self.fields = Block(**{name: np.zeros((members, *shape), dtype) for name, (shape, dtype) in shapes.items()})
-        self._schema = schema
+        self._schema, self._stats = schema, stats
         self._records = Records(BLOCK, self.fields, members)
 
     def block(self, member: int) -> Record:
@@ -91,13 +92,14 @@ class Gathering:
         }
         datasets = {"/": xr.Dataset(root, attrs=dict(attributes)).set_coords([MEMBER, *named])}
         constants = self._schema.constants()
-        for group, variables in self._schema.groups.items():
+        groups = self._schema.groups if self._stats else {TRAJECTORY: self._schema.groups[TRAJECTORY]}
+        for group, variables in groups.items():
             found = named | {
                 variable.name: _variable(variable, group, constants[group] | values) for variable in variables
             }
             names = [*named, *(name for name in coordinates(group) if name in found)]
             datasets[f"/{group}"] = xr.Dataset(found).set_coords(names)
-        return xr.DataTree.from_dict(datasets)
+        return store_as_letters(xr.DataTree.from_dict(datasets))
 
     def _pad(self) -> None:
         fields, rows = self.fields, self.fields.steps.shape[1]
@@ -143,9 +145,7 @@ def same(scenes: Sequence[Scene], name: str) -> bool:
 
 
 def _variable(variable: Variable, group: str, values: Mapping[str, np.ndarray]) -> xr.Variable:
-    shared = not variable.grows or variable.name in coordinates(group)
-    dims = variable.dims if shared else (MEMBER, *variable.dims)
-    return xr.Variable(dims, values[variable.name], variable.attributes)
+    return xr.Variable(member_dims(variable, group), values[variable.name], variable.attributes)
 
 
 def _require_memory(members: int, rows: int, needed: int) -> None:

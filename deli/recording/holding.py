@@ -1,6 +1,5 @@
 """Who holds a file while it is written, where what takes its place is prepared, and what is said if that fails."""
 
-import fcntl
 import glob
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -11,6 +10,11 @@ import psutil
 
 from deli.errors import DeliError, InputError
 from deli.recording.unfinished import identity_of
+
+try:
+    import fcntl
+except ImportError:  # Windows has other locks than HDF5 asks for
+    fcntl = None  # type: ignore[assignment]
 
 
 class RecordingError(DeliError):
@@ -33,6 +37,31 @@ def recording(path: Path, what: str) -> Iterator[None]:
         ) from error
 
 
+def require_locks(path: Path) -> None:
+    """Refuse to record to a file where files cannot be locked as HDF5 does.
+
+    Raises
+    ------
+    InputError
+    """
+    if fcntl is None:
+        raise InputError(
+            f"output {path}: runs are recorded to files on POSIX systems only, and this one has no module fcntl; leave "
+            "out the output, which keeps the run in memory, and save what simulate returns by its to_netcdf."
+        )
+
+
+def lock(file: BinaryIO, wait: bool) -> None:
+    """Lock an open file as HDF5 does.
+
+    Raises
+    ------
+    BlockingIOError
+        If somebody else has locked it, and there is to be no waiting.
+    """
+    fcntl.flock(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
 def hold(path: Path, identity: tuple[int, int, int] | None = None) -> BinaryIO | None:
     """Keep others from a file that is to be replaced, until what is returned is closed; None without a file.
 
@@ -45,7 +74,7 @@ def hold(path: Path, identity: tuple[int, int, int] | None = None) -> BinaryIO |
         return None
     file = path.open("rb+")
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # as HDF5 does
+        lock(file, wait=False)
     except BlockingIOError as error:
         file.close()
         raise Busy(f"{path} cannot be written; is another run writing it?") from error

@@ -1,6 +1,5 @@
 """Runs on disk: rows appended to ``<output>.partial``, the finished file appearing under its own name by rename."""
 
-import fcntl
 import os
 import shutil
 import time
@@ -16,11 +15,12 @@ from deli.recording import chunks
 from deli.recording.checksums import Checksums
 from deli.recording.contents import COMMITTED, COMMITTED_PROBLEMS, LIBRARY, WALL_TIME, attributes_of
 from deli.recording.file_layout import first_chunks, lay_out
-from deli.recording.holding import Busy, beside, hold, recording, sweep, which
-from deli.recording.schema import POSED, STATS, TRAJECTORY, Block, Schema
+from deli.recording.holding import Busy, beside, hold, lock, recording, sweep, which
+from deli.recording.schema import POSED, STATS, TRAJECTORY, Schema
 from deli.recording.seal import seal
 from deli.recording.subproblems import COUNTED, taken
 from deli.recording.unfinished import Unfinished
+from deli.recording.variable import Block
 
 _writers: WeakValueDictionary[Path, "Writer"] = WeakValueDictionary()
 
@@ -158,7 +158,7 @@ class Writer:
                 dataset.setncatts(dict(attributes))
             seal(fresh)
             with fresh.open("rb+") as file:
-                fcntl.flock(file, fcntl.LOCK_EX)  # nobody is to continue it before it has its final name
+                lock(file, wait=True)  # nobody is to continue it before it has its final name
                 os.replace(fresh, self.path)
                 if rename is not None:
                     os.replace(self.path, rename)

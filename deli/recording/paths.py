@@ -5,6 +5,7 @@ from pathlib import Path
 
 from deli.errors import InputError
 
+SUFFIXES = (".nc", ".nc4", ".netcdf")
 LONGEST_SHOWN = 300
 """Letters of a name that is too long."""
 
@@ -40,8 +41,8 @@ def check_output(output: Path, *, resume: bool, overwrite: bool) -> None:
     Raises
     ------
     InputError
-        If the folder is missing or unwritable, if `output` is a folder, or if `output` or its partial file exists
-        and neither `resume` nor `overwrite` allows for it.
+        If the folder is missing or unwritable, if `output` is a folder or has another suffix than netCDF's, or if
+        `output` or its partial file exists and neither `resume` nor `overwrite` allows for it.
     """
     if resume and overwrite:
         raise InputError("resume and overwrite are both set; continue the run or start it anew, not both.")
@@ -53,6 +54,11 @@ def check_output(output: Path, *, resume: bool, overwrite: bool) -> None:
         raise InputError(f"output {output}: the folder {folder} does not exist; create it or name another output.")
     if output.is_dir():
         raise InputError(f"output {output} is a folder; name a file, such as {output / 'run.nc'}.")
+    if output.suffix.lower() not in SUFFIXES:
+        raise InputError(
+            f"output {output}: found the suffix {output.suffix!r}; rows are recorded as netCDF, allowed: "
+            f"{', '.join(SUFFIXES)}."
+        )
     if not os.access(folder, os.W_OK | os.X_OK):
         raise InputError(f"output {output}: no permission to write in the folder {folder}; name another output.")
     if partial.is_symlink():

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import importlib.metadata
+import logging
 import os
 import platform
 import re
@@ -16,25 +17,38 @@ import tomli_w
 
 from deli import scenes
 from deli.errors import InputError
-from deli.mechanics import symmetry
-from deli.mechanics.constraints import ConstraintFamily, SearchedFamily
+from deli.integrators.registry import METHODS
+from deli.mechanics.content import scene_digest
 from deli.mechanics.scene import Scene
-from deli.recording.schema import AXES, CONVENTIONS, TRAJECTORY, UNITS_NOTE
+from deli.recording.schema import AXES, CONVENTIONS, TRAJECTORY, UNDECIDED, UNITS_NOTE
 from deli.subproblems.choices import parse_choices
-from solvers.registry import BUILTIN, REFERENCE
+from deli.version import __version__
+from solvers.registry import BUILTIN, CHAINS, REFERENCE
 
 if TYPE_CHECKING:
     import xarray as xr
 
 CUSTOM = "custom"
+ENSEMBLE = "ensemble"
+MADE_IN_PYTHON = {
+    CUSTOM: "its scene is the user's own, made in Python, whose families no config holds; run the script that made it",
+    ENSEMBLE: "it is of an ensemble of scenes, made in Python, which no config holds; run the script that made it",
+}
+"""What stands for a scene in a run's config where no registered scene does."""
 NONE_USED = "none used"
+ONLY_WITH: dict[tuple[str, str], tuple[str, str]] = {("gvi", "order"): ("reflection", "sequential")}
+"""Settings of methods that mean nothing but with another setting."""
+SOFTWARE = ("deli_version", "cvxpy_version", "numpy_version", "python_version", "machine")
+BETWEEN_SESSIONS = "; "
+
+logger = logging.getLogger("deli")
 
 
 def describe(scene: Scene, method: Any, **settings: Any) -> dict[str, Any]:
     """Everything that decides what a run computes, in the words of a config file.
 
     A scene that its registered name and parameters do not reproduce (a user's own, or one changed afterwards) is
-    called ``custom`` and described by its initial state; its functions cannot be written down.
+    called ``custom``: its content is in the attribute ``scene``, see `deli.recording.scene_record`.
 
     Parameters
     ----------
@@ -92,8 +106,8 @@ def attributes(config: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
     return {
         "Conventions": CONVENTIONS,
         "title": title(config),
-        "config": tomli_w.dumps(config),
-        "deli_version": version("deli"),
+        "config": config_text(config),
+        "deli_version": __version__,
         "cvxpy_version": version("cvxpy"),
         "numpy_version": version("numpy"),
         "python_version": platform.python_version(),
@@ -106,24 +120,48 @@ def attributes(config: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
     }
 
 
+def config_text(config: Mapping[str, Any]) -> str:
+    """Config as TOML, which `deli run` carries out again; where it cannot, the first line says why."""
+    scene, method = config["scene"]["name"], config["method"]["name"]
+    backends = {choice["backend"] for choice in config["solvers"].values()} - {*BUILTIN, *CHAINS}
+    own = sorted(name for name in backends if not name.startswith(REFERENCE))
+    first = ""
+    if scene in MADE_IN_PYTHON:
+        first = f"# This config does not run again: {MADE_IN_PYTHON[scene]}.\n"
+    elif method not in METHODS:
+        first = f"# This config does not run again: its method {method} is the user's own.\n"
+    elif own:
+        first = f"# This config runs again only where these backends are registered: {', '.join(own)}.\n"
+    return first + tomli_w.dumps(config)
+
+
 def title(config: Mapping[str, Any]) -> str:
-    """One line that says what is run."""
-    name, *settings = config["method"].items()
-    said = [value if isinstance(value, str) else f"{key} = {value}" for key, value in settings if value is not False]
+    """One line that says what is run; settings that mean nothing are left out."""
+    method = dict(config["method"])
+    name = method.pop("name")
+    said = [
+        value if isinstance(value, str) else f"{key} = {value}"
+        for key, value in method.items()
+        if value is not False and ((name, key) not in ONLY_WITH or ONLY_WITH[name, key] in method.items())
+    ]
     words = ", ".join(said)
     label = config["scene"].get("label", config["scene"]["name"])
-    return f"{label} with {name[1]}({words}), h = {config['step_size']!r}, {config['steps']} steps"
+    return f"{label} with {name}({words}), h = {config['step_size']!r}, {config['steps']} steps"
 
 
 def conserved_momenta(scene: Scene) -> dict[str, str]:
-    """Components of linear and angular momentum that the scene's symmetry keeps constant."""
-    conserved = symmetry.conserved(scene)
+    """Components of linear and angular momentum that the scene's symmetry keeps constant, and those that it may."""
     rotation_axes = {1: (), 2: ("z",), 3: AXES}[scene.dimension]
-    components = {
-        "conserved_linear_momentum": zip(AXES, conserved.linear, strict=False),
-        "conserved_angular_momentum": zip(rotation_axes, conserved.angular, strict=True),
+    linear = dict(zip(AXES, scene.symmetry.linear, strict=False))
+    angular = dict(zip(rotation_axes, scene.symmetry.angular, strict=True))
+    components = {f"p_{axis}": kept for axis, kept in linear.items()} | {
+        f"L_{axis}": kept for axis, kept in angular.items()
     }
-    return {name: " ".join(axis for axis, kept in pairs if kept) or "none" for name, pairs in components.items()}
+    return {
+        "conserved_linear_momentum": " ".join(axis for axis, kept in linear.items() if kept) or "none",
+        "conserved_angular_momentum": " ".join(axis for axis, kept in angular.items() if kept) or "none",
+        UNDECIDED: " ".join(name for name, kept in components.items() if kept is None) or "none",
+    }
 
 
 def backend_versions(names: Iterable[str], recorded: str = NONE_USED) -> str:
@@ -153,6 +191,23 @@ def machine() -> str:
 def now() -> str:
     """The present, in UTC, ISO 8601."""
     return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def continued(recorded: Mapping[str, Any], attributes: Mapping[str, Any], path: object) -> dict[str, Any]:
+    """Root attributes of a run that goes on: those of its beginning, with the software and machines of all sessions.
+
+    Another version of deli or numpy is no other run, but its rows need not be the same to the bit: a log line says so.
+    """
+    found = {key: recorded.get(key, value) for key, value in attributes.items()} | {"outcome": attributes["outcome"]}
+    for key in SOFTWARE:
+        sessions = str(found[key]).split(BETWEEN_SESSIONS)
+        if attributes[key] not in sessions:
+            logger.warning(
+                "%s goes on with another %s, %s after %s: its rows may differ from those of one session by rounding",
+                *(path, key, attributes[key], found[key]),
+            )
+            found[key] = BETWEEN_SESSIONS.join([*sessions, attributes[key]])
+    return found
 
 
 def require_same(recorded: str, config: Mapping[str, Any], path: object) -> None:
@@ -199,44 +254,17 @@ def plain(value: Any) -> Any:
 
 @functools.lru_cache(maxsize=8)  # the cases of a study share scenes
 def _describe_scene(scene: Scene) -> dict[str, Any]:
-    if scene.name in scenes.available() and _same(scenes.get(scene.name)(**scene.parameters), scene):
+    if _registered(scene):
         return {"name": scene.name, **scene.parameters}
-    return {
-        "name": CUSTOM,
-        "label": scene.name,
-        "dimension": scene.dimension,
-        "mass": scene.mass,
-        "position": scene.position,
-        "momentum": scene.momentum,
-        "constraints": [*scene.unilateral.labels(), *scene.bilateral.labels()],
-    }
+    return {"name": CUSTOM, "label": scene.name}
 
 
-def _same(one: Scene, other: Scene) -> bool:
-    if one.dimension != other.dimension:
+def _registered(scene: Scene) -> bool:
+    """Whether a scene is one that its registered name and its parameters make again."""
+    if scene.name not in scenes.available():
         return False
-    prints = _fingerprint(one), _fingerprint(other)
-    return len(prints[0]) == len(prints[1]) and all(map(np.array_equal, *prints))
-
-
-def _fingerprint(scene: Scene) -> list[np.ndarray]:
-    q = scene.position
-    stacks = (scene.unilateral, scene.bilateral)
-    return [
-        scene.mass,
-        q,
-        scene.momentum,
-        np.asarray(scene.potential.energy(q)),
-        scene.potential.gradient(q),
-        *(array for stack in stacks for family in stack.families for array in _numbers_of(family, q)),
-    ]
-
-
-def _numbers_of(family: ConstraintFamily, q: np.ndarray) -> list[np.ndarray]:
-    """What tells constraints of one kind apart: their rows, or what functions make of q."""
-    rows = family.rows_table()
-    if rows is None:
-        return [family.value(q), family.jacobian(q)]
-    if isinstance(family, SearchedFamily) and family.searched:
-        return [*rows, np.asarray(family.distance)]
-    return list(rows)
+    try:
+        again = scenes.get(scene.name)(**scene.parameters)
+    except (InputError, TypeError, ValueError):  # parameters of the user's own
+        return False
+    return scene_digest(again) == scene_digest(scene)

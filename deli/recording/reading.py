@@ -4,24 +4,54 @@ Files that deli has closed are sealed, and read as they are once the seal is fou
 of its own, which a damaged file can kill.
 """
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from deli.errors import InputError
 from deli.recording import checksums, structure
 from deli.recording.apart import load_apart
 from deli.recording.contents import LIBRARY, WALL_TIME, Contents, gather, load, open_file
+from deli.recording.damage import refuse
+from deli.recording.decoding import words_of
 from deli.recording.netcdf import being_written
-from deli.recording.schema import POSED, TRAJECTORY, Groups
+from deli.recording.schema import MEMBER, POSED, TRAJECTORY, Groups, build_tree
 from deli.recording.seal import intact
 from deli.recording.subproblems import ORIGIN, unpack
 from deli.recording.superblock import stated_length
 from deli.recording.unfinished import Unfinished, identity_of
 from deli.subproblems.posed import PosedSubproblem
 
+if TYPE_CHECKING:
+    import xarray as xr
 
-def read(path: Path) -> tuple[Groups, dict[str, Any]]:
+logger = logging.getLogger("deli")
+
+
+def open_tree(path: Path) -> "xr.DataTree":
+    """Read a file as users see it: the run of `read`, or an ensemble.
+
+    Raises
+    ------
+    InputError
+        As `read`.
+    """
+    contents = contents_of(path)
+    if holds_ensemble(contents):
+        from deli.recording.ensemble_file import tree_of  # by way of xarray, which takes a second to import
+
+        return tree_of(contents, path)
+    groups, attributes = read(path, contents)
+    return build_tree(groups, attributes)
+
+
+def holds_ensemble(contents: Contents) -> bool:
+    """Whether a file is of an ensemble."""
+    return MEMBER in contents.sizes["/"] and TRAJECTORY in contents.groups
+
+
+def read(path: Path, contents: Contents | None = None) -> tuple[Groups, dict[str, Any]]:
     """Read the committed rows of a file, finished or not.
 
     Returns
@@ -34,10 +64,13 @@ def read(path: Path) -> tuple[Groups, dict[str, Any]]:
     Raises
     ------
     InputError
-        If the file is missing, is no netCDF file, was not written by deli, or is damaged. Of a finished file that
-        another program has written to since, `deli.recording.verify` says whether rows are those that were recorded.
+        If the file is missing, is no netCDF file, holds no run, or is damaged. Of a finished file that another program
+        has written to since, `deli.recording.verify` says whether rows are those that were recorded. A log line names
+        a file that another program has written once more.
     """
-    groups, contents = _run(path)
+    groups, contents = _run(path, contents)
+    if structure.rewritten(contents, path):
+        logger.warning("%s is not sealed: another program wrote it; deli check says what still holds", path)
     return groups, contents.attributes
 
 
@@ -63,7 +96,7 @@ def read_attributes(path: Path) -> dict[str, Any]:
     InputError
         If the file is missing, no netCDF file, or damaged.
     """
-    attributes = _contents(path, values=False).attributes
+    attributes = contents_of(path, values=False).attributes
     structure.require_attributes(attributes, path)
     return attributes
 
@@ -82,7 +115,7 @@ def read_subproblems(path: Path) -> tuple[list[PosedSubproblem], list[str]]:
     InputError
         If the file cannot be read or has no subproblems.
     """
-    contents = _contents(path)
+    contents = contents_of(path)
     if POSED not in contents.groups:
         raise InputError(
             f"{path} holds no subproblems; record them with record.subproblems = true in the config "
@@ -92,7 +125,7 @@ def read_subproblems(path: Path) -> tuple[list[PosedSubproblem], list[str]]:
     if not problems:
         raise InputError(f"{path} holds no subproblems: nothing was solved in the run; skip = false solves all.")
     if ORIGIN in contents.groups[POSED]:
-        origins = structure.words_of(contents.groups[POSED][ORIGIN], f"{POSED}/{ORIGIN}", path).tolist()
+        origins = words_of(contents.groups[POSED][ORIGIN], f"{POSED}/{ORIGIN}", path).tolist()
         return problems, origins[: len(problems)]
     scene = structure.config_of(contents.attributes, path)["scene"]
     return problems, [scene.get("label", scene["name"])] * len(problems)
@@ -108,6 +141,8 @@ class Examined:
         See `read`.
     stored : int
         Rows that it holds, committed or not.
+    counted : bool
+        Whether they are counted; another program that wrote the file may have left some out.
     sealed : bool
         Whether it has the digest of its content.
     broken : list of str, or None
@@ -117,11 +152,12 @@ class Examined:
     groups: Groups
     attributes: dict[str, Any]
     stored: int
+    counted: bool
     sealed: bool
     broken: list[str] | None
 
 
-def examine(path: Path) -> Examined:
+def examine(path: Path, contents: Contents | None = None) -> Examined:
     """Read a file with what it says about itself.
 
     Raises
@@ -129,13 +165,15 @@ def examine(path: Path) -> Examined:
     InputError
         As `read`.
     """
-    groups, contents = _run(path)
+    groups, contents = _run(path, contents)
     broken = checksums.broken(contents.root, groups, len(groups[TRAJECTORY]["time"][1]))
-    return Examined(groups, contents.attributes, contents.sizes[TRAJECTORY]["time"], contents.trusted, broken)
+    stored, counted = contents.sizes[TRAJECTORY]["time"], not structure.rewritten(contents, path)
+    return Examined(groups, contents.attributes, stored, counted, contents.trusted, broken)
 
 
-def _run(path: Path) -> tuple[Groups, Contents]:
-    contents = _contents(path)
+def _run(path: Path, contents: Contents | None = None) -> tuple[Groups, Contents]:
+    if contents is None:
+        contents = contents_of(path)
     groups = structure.run_of(contents, path)
     if not contents.trusted:
         structure.config_of(contents.attributes, path)
@@ -144,11 +182,18 @@ def _run(path: Path) -> tuple[Groups, Contents]:
         broken = checksums.broken(contents.root, groups, rows)
         if broken:
             names = ", ".join(broken)
-            structure.refuse(path, f"checksums of {names} differ; if a run is writing it, try again in a moment")
+            refuse(path, f"checksums of {names} differ; if a run is writing it, try again in a moment")
     return groups, contents
 
 
-def _contents(path: Path, values: bool = True) -> Contents:
+def contents_of(path: Path, values: bool = True) -> Contents:
+    """Return what a file holds, and whether that is as it was when it was closed.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
     if not path.exists():
         raise InputError(f"{path} does not exist.")
     if not path.is_file():
@@ -169,8 +214,8 @@ def _sealed(path: Path) -> bool:
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error}).") from error
     if found is False:
-        structure.refuse(path, "its content is not what it was when it was closed: the digest differs")
+        refuse(path, "its content is not what it was when it was closed: the digest differs")
     if stated is not None and length < stated:
         hint = "; if a run is writing it, try again in a moment" if path.suffix == ".partial" else ""
-        structure.refuse(path, f"it was cut off, {length:,} of {stated:,} bytes are there{hint}")
+        refuse(path, f"it was cut off, {length:,} of {stated:,} bytes are there{hint}")
     return bool(found)

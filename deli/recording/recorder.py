@@ -6,8 +6,9 @@ import numpy as np
 
 from deli.integrators.discrete_smooth import DiscreteSmooth
 from deli.mechanics.scene import Scene
-from deli.recording.schema import STATS, Block, Groups, Schema
+from deli.recording.schema import STATS, Groups, Schema
 from deli.recording.subproblems import LEFT_OUT, pack
+from deli.recording.variable import Block
 from deli.subproblems.collector import Collector
 from deli.subproblems.stats import COUNTS, RESIDUALS, TIMES
 

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from deli.errors import InputError
 from deli.recording.subproblems import LEFT_OUT, SUBPROBLEM_VARIABLES
-from deli.recording.variable import Variable
+from deli.recording.variable import Block, Variable
 from deli.subproblems.choices import SUBPROBLEMS
 from deli.subproblems.stats import STATUS_MEANINGS
 
@@ -22,9 +23,12 @@ UNITS_NOTE = (
     "coordinates are not lengths follow the scene."
 )
 AXES = ("x", "y", "z")
+UNDECIDED = "undecided_momenta"
+"""Attribute that names components of momentum of which it is unknown whether the scene conserves them."""
 TRAJECTORY, STATS, POSED = "trajectory", "solver_stats", "subproblems"
+MEMBER = "member"
+"""The dimension along which an ensemble has its runs."""
 
-Block = dict[str, np.ndarray]
 VariableData = tuple[tuple[str, ...], np.ndarray, dict[str, Any]]  # dims, values, attributes
 Groups = dict[str, dict[str, VariableData]]
 
@@ -90,16 +94,20 @@ class Schema:
         return variables + _CONTACT + tuple(_MEMORY[name] for name in self.memory)
 
 
+_WORK = "in all attempts at the steps, discarded ones included"  # contacts are those of the steps as they were taken
+
+
 def _time(name: str, long_name: str) -> Variable:
-    return Variable(name, ("step", "subproblem"), "f8", "s", long_name)
+    return Variable(name, ("step", "subproblem"), "f8", "s", f"{long_name}, {_WORK}")
 
 
 def _count(name: str, long_name: str) -> Variable:
-    return Variable(name, ("step", "subproblem"), "i8", "1", long_name)
+    return Variable(name, ("step", "subproblem"), "i8", "1", f"{long_name}, {_WORK}")
 
 
 def _residual(name: str, long_name: str) -> Variable:
-    return Variable(name, ("step", "subproblem"), "f8", "1", f"{long_name}; nan where nothing was measured")
+    long_name = f"{long_name} of the answers {_WORK}; nan where nothing was measured"
+    return Variable(name, ("step", "subproblem"), "f8", "1", long_name)
 
 
 _ENERGY = "M L2 T-2"
@@ -136,14 +144,14 @@ _CONTACT = (
         ("time",),
         "i8",
         "1",
-        "contacts in the smooth set of the step that leads to the row",
+        "contacts that the step that leads to the row holds: its smooth set; 0 for steps from event to event",
     ),
     Variable(
         "reflected_contacts",
         ("time",),
         "i8",
         "1",
-        "contacts reflected in the steps since the row before, summed over steps",
+        "contacts reflected in the steps since the row before, each once a reflection, none of discarded attempts",
     ),
 )
 _MEMORY = {
@@ -173,7 +181,7 @@ _STATS = (
         ("step", "subproblem"),
         "i1",
         "1",
-        "worst status of the subproblem",
+        f"worst status of the subproblem {_WORK}",
         {
             "flag_values": np.arange(len(STATUS_MEANINGS), dtype=np.int8),
             "flag_meanings": " ".join(STATUS_MEANINGS),
@@ -206,5 +214,24 @@ def build_tree(groups: Groups, attributes: Mapping[str, Any]) -> "xr.DataTree":
 
 
 def dataset_of(run: "xr.DataTree", group: str) -> "xr.Dataset":
-    """One group of a run, with its coordinates."""
-    return run.children[group].to_dataset()
+    """One group of a run, with its coordinates; of a member of an ensemble as far as the member got.
+
+    Raises
+    ------
+    InputError
+        If the group has not been recorded.
+    """
+    if group not in run.children:
+        raise InputError(f"the run has no group {group}: it was left out when the run was recorded.")
+    found = run.children[group].to_dataset()
+    if MEMBER not in run.coords or MEMBER in found.dims or group == POSED:
+        return found
+    rows = reached(run.children[TRAJECTORY].variables["position"].values)
+    if rows == run.children[TRAJECTORY].sizes["time"]:
+        return found
+    return found.isel({"time": slice(rows)} if group == TRAJECTORY else {"step": slice(max(rows - 1, 0))})
+
+
+def reached(position: np.ndarray) -> int:
+    """Return how many rows a member of an ensemble has got to, by its positions; further ones are nan."""
+    return int(np.count_nonzero(~np.isnan(position).all(axis=-1)))

@@ -4,18 +4,21 @@ import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
 from deli.errors import InputError
-from deli.recording.contents import COMMITTED, COMMITTED_PROBLEMS, ENCODING, Contents, Stored
+from deli.recording.contents import COMMITTED, COMMITTED_PROBLEMS, Contents, Stored
+from deli.recording.damage import Damaged, refuse
+from deli.recording.decoding import PACKED, decoded, described, words_of
 from deli.recording.schema import (
     AXES,
     CONVENTIONS,
     POSED,
     STATS,
     TRAJECTORY,
+    UNDECIDED,
     Groups,
     Schema,
     Variable,
@@ -29,37 +32,57 @@ TEXTS = ("title", "config", "deli_version", "backend_versions", "machine", "outc
 MOMENTA = ("conserved_linear_momentum", "conserved_angular_momentum")
 
 
-def refuse(path: Path, what: str) -> NoReturn:
-    """Refuse a damaged file.
-
-    Raises
-    ------
-    InputError
-    """
-    raise InputError(f"{path} is damaged: {what}. Run it again; --overwrite starts anew.")
-
-
 def run_of(contents: Contents, path: Path) -> Groups:
     """Make a run of what a file holds.
+
+    Another program may have written a finished run once more: with rows left out, with variables added to deli's
+    groups, with words of any length, with its own marks of what is missing. That is a run as long as each variable of
+    deli's is there, in its type.
 
     Returns
     -------
     groups : dict
-        The variables that deli records, as (dims, values, attributes), by group and name.
+        The variables, as (dims, values, attributes), by group and name.
 
     Raises
     ------
     InputError
         Naming what was found where something else must be.
     """
-    if COMMITTED not in contents.root or not {TRAJECTORY, STATS} <= set(contents.groups):
-        raise InputError(f"{path} is a netCDF file, but not a run recorded by deli.")
+    missing = [name for name in (TRAJECTORY, STATS) if name not in contents.groups]
+    if COMMITTED not in contents.root and path.suffix == ".partial":
+        missing.append(COMMITTED)
+    if missing:
+        raise InputError(
+            f"{path} is a netCDF file, but not a run recorded by deli: it has no {' and no '.join(missing)}."
+        )
     found = contents.attributes.get("Conventions")
     if found != CONVENTIONS:
         raise InputError(f"{path} follows the conventions {found!r}; this version of deli reads {CONVENTIONS!r}.")
+    if not rewritten(contents, path):
+        return _groups(contents, path)
+    try:
+        return _groups(contents, path)
+    except Damaged as error:
+        raise InputError(
+            f"{path} was written by another program, and is no run any more: {error.what}. Save every variable of the "
+            "run, in its own type; rows may be left out."
+        ) from error
+
+
+def rewritten(contents: Contents, path: Path) -> bool:
+    """Whether another program has written a finished run once more: rows are not counted, or not as many are there."""
+    if COMMITTED not in contents.root:
+        return True
+    if contents.trusted or path.suffix == ".partial":
+        return False
+    return _count(contents.root[COMMITTED], COMMITTED, None, "time", path) > contents.sizes[TRAJECTORY].get("time", 0)
+
+
+def _groups(contents: Contents, path: Path) -> Groups:
     require_attributes(contents.attributes, path)
-    rows = _rows(contents, path)
-    sizes = {"time": rows, "step": max(rows - 1, 0), **_sizes(contents, path)}
+    rows, steps = _lengths(contents, path)
+    sizes = {"time": rows, "step": steps, **_sizes(contents, path)}
     memory = remembered(contents.groups[TRAJECTORY])
     schema = Schema(sizes["dof"], sizes["axis"], memory, POSED in contents.groups)
     groups = {
@@ -72,10 +95,22 @@ def run_of(contents: Contents, path: Path) -> Groups:
         for name, expected in constants[group].items():
             if not np.array_equal(variables[name][1], expected):
                 refuse(path, f"{group}/{name} is {variables[name][1].tolist()!r:.80}, not {expected.tolist()!r:.80}")
-    _require_order(groups, path)
+    _require_order(groups, path, counted=not rewritten(contents, path))
+    if not contents.trusted and (rows, steps) == _stored(contents):
+        for group, variables in groups.items():
+            variables |= _added(contents.groups[group], variables)
     if POSED in contents.groups:
         groups[POSED] = problems_of(contents, path)
     return groups
+
+
+def _added(stored: Mapping[str, Stored], known: Mapping[str, VariableData]) -> dict[str, VariableData]:
+    """Variables of numbers that somebody has added to a group of deli's."""
+    return {
+        name: (one.dims, decoded(one), described(one))
+        for name, one in stored.items()
+        if name not in known and one.values.dtype.kind in "iuf"
+    }
 
 
 def problems_of(contents: Contents, path: Path) -> dict[str, VariableData]:
@@ -151,6 +186,10 @@ def require_attributes(attributes: dict[str, Any], path: Path) -> None:
     for name in MOMENTA:
         if not set(attributes[name].split()) <= {*AXES, "none"}:
             refuse(path, f"its attribute {name} is {attributes[name]!r:.80}; allowed are none, and {' '.join(AXES)}")
+    components = [f"{symbol}_{axis}" for symbol in "pL" for axis in AXES]
+    undecided = attributes.get(UNDECIDED, "none")
+    if not isinstance(undecided, str) or not set(undecided.split()) <= {*components, "none"}:
+        refuse(path, f"its attribute {UNDECIDED} is {undecided!r:.80}; allowed are none, and {' '.join(components)}")
 
 
 def config_of(attributes: dict[str, Any], path: Path) -> dict[str, Any]:
@@ -171,42 +210,38 @@ def config_of(attributes: dict[str, Any], path: Path) -> dict[str, Any]:
     size = config.get("step_size")
     if isinstance(size, bool) or not isinstance(size, int | float) or not 0 < size < math.inf:
         refuse(path, f"its attribute config says that step_size is {size!r:.80}, which is no finite number > 0")
+    record = config.get("record", {})
+    every = record.get("every", 1) if isinstance(record, dict) else record
+    if isinstance(every, bool) or not isinstance(every, int) or every < 1:
+        refuse(path, f"its attribute config says that record.every is {every!r:.80}, which is no whole number >= 1")
     if not isinstance(config.get("solvers"), dict):
         refuse(path, "its attribute config has no table solvers")
     return config
 
 
-def words_of(stored: Stored, name: str, path: Path) -> np.ndarray:
-    """Join the letters of words.
-
-    Raises
-    ------
-    InputError
-        If they are no words.
-    """
-    if stored.values.dtype != np.dtype("S1") or stored.values.ndim != 2:
-        refuse(path, f"{name} has the type {stored.values.dtype} and {stored.values.ndim} dimensions, not words")
-    letters = np.ascontiguousarray(stored.values)
-    joined = letters.view(f"S{max(letters.shape[1], 1)}").reshape(-1) if letters.size else np.zeros(len(letters), "S1")
-    try:
-        return np.array([word.decode() for word in joined.tolist()], dtype=str)
-    except UnicodeDecodeError:
-        refuse(path, f"{name} has bytes that are no letters")
+def _stored(contents: Contents) -> tuple[int, int]:
+    """Rows and steps that are there, committed or not."""
+    return contents.sizes[TRAJECTORY].get("time", 0), contents.sizes[STATS].get("step", 0)
 
 
-def _rows(contents: Contents, path: Path) -> int:
-    lengths = contents.sizes[TRAJECTORY].get("time", 0), contents.sizes[STATS].get("step", 0)
-    rows = _count(contents.root[COMMITTED], COMMITTED, lengths[0], "time", path)
-    if rows - 1 > lengths[1]:
-        refuse(path, f"{COMMITTED} is {rows}, and there are {lengths[1]} along step; at least {rows - 1} lead to them")
-    return rows
+def _lengths(contents: Contents, path: Path) -> tuple[int, int]:
+    """Return how many rows and steps a run has."""
+    stored = _stored(contents)
+    if rewritten(contents, path):
+        if not stored[0]:
+            refuse(path, f"{TRAJECTORY} has no rows")
+        return stored
+    rows = _count(contents.root[COMMITTED], COMMITTED, stored[0], "time", path)
+    if rows - 1 > stored[1]:
+        refuse(path, f"{COMMITTED} is {rows}, and there are {stored[1]} along step; at least {rows - 1} lead to them")
+    return rows, max(rows - 1, 0)
 
 
-def _count(stored: Stored, name: str, most: int, dimension: str, path: Path) -> int:
+def _count(stored: Stored, name: str, most: int | None, dimension: str, path: Path) -> int:
     if stored.values.shape or stored.values.dtype.kind != "i":
         refuse(path, f"{name} has the shape {stored.values.shape} and the type {stored.values.dtype}, not one integer")
     count = int(stored.values)
-    if not 0 <= count <= most:
+    if count < 0 or (most is not None and count > most):
         refuse(path, f"{name} is {count}, and there are {most} along {dimension}; allowed are 0 to as many")
     return count
 
@@ -219,35 +254,42 @@ def _sizes(contents: Contents, path: Path) -> dict[str, int]:
 
 
 def _variable(contents: Contents, group: str, variable: Variable, sizes: dict[str, int], path: Path) -> VariableData:
-    name = f"{group}/{variable.name}"
-    if variable.name not in contents.groups[group]:
+    name, words = f"{group}/{variable.name}", variable.dtype == "str"
+    stored = contents.groups[group].get(variable.name)
+    if stored is None or (stored.values.dtype.kind == "S") != words:
         refuse(path, f"{name} is missing, or of a type that deli does not write")
-    stored = contents.groups[group][variable.name]
-    attributes = {key: value for key, value in stored.attributes.items() if key != ENCODING}
-    words = variable.dtype == "str"
+    attributes = described(stored)
     dims = stored.dims[:-1] if words else stored.dims
     if dims != variable.dims:
         refuse(path, f"{name} has the dimensions {', '.join(dims) or '-'}, not {', '.join(variable.dims) or '-'}")
     if words:
         return dims, words_of(stored, name, path), attributes
-    if stored.values.dtype != np.dtype(variable.dtype):
-        refuse(path, f"{name} is of the type {stored.values.dtype}, not {np.dtype(variable.dtype)}")
+    packed = [key for key in PACKED if key in stored.attributes]
+    if packed:
+        refuse(path, f"{name} is packed, by its attribute {packed[0]}")
+    values = decoded(stored)
+    if values.dtype != np.dtype(variable.dtype):
+        refuse(path, f"{name} is of the type {values.dtype}, not {np.dtype(variable.dtype)}")
     length = sizes.get(dims[0], 0) if dims else 0
-    values = stored.values[:length] if dims else stored.values
+    values = values[:length] if dims else values
     shape = tuple(sizes.get(dim, 0) for dim in dims)
     if values.shape != shape:
         refuse(path, f"{name} has the shape {values.shape}, not {shape}")
     return dims, values, attributes
 
 
-def _require_order(groups: Groups, path: Path) -> None:
+def _require_order(groups: Groups, path: Path, counted: bool) -> None:
     time, step, status = groups[TRAJECTORY]["time"][1], groups[STATS]["step"][1], groups[STATS]["status"][1]
     wrong = ~np.isfinite(time)
     wrong[1:] |= time[1:] <= time[:-1]
     if wrong.any():
         row = int(wrong.argmax())
         refuse(path, f"{TRAJECTORY}/time is {time[row]} in row {row}; times are finite, and each larger than the last")
-    if not np.array_equal(step, np.arange(len(step))):
+    if not counted:
+        jumbled = np.flatnonzero(np.diff(step, prepend=-1) < 1)
+        if len(jumbled):
+            refuse(path, f"{STATS}/step is {step[jumbled[0]]} at place {jumbled[0]}; each is larger than the last")
+    elif not np.array_equal(step, np.arange(len(step))):
         refuse(path, f"{STATS}/step does not count from 0 to {len(step) - 1}")
     if len(status) and not 0 <= status.min() <= status.max() < len(STATUS_MEANINGS):
         refuse(path, f"{STATS}/status is {status.min()} to {status.max()}; allowed are 0 to {len(STATUS_MEANINGS) - 1}")

@@ -1,16 +1,13 @@
 """Subproblems in a dataset: the numbers of each, one after the other along ragged dimensions."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from deli.recording.variable import Variable
+from deli.recording.variable import Block, Variable
 from deli.subproblems.choices import SUBPROBLEMS
 from deli.subproblems.posed import PosedSubproblem
-
-if TYPE_CHECKING:
-    from deli.recording.schema import Block
 
 LEFT_OUT = "left_out"
 ORIGIN = "origin"  # of the problems of a library, which come from several runs
@@ -53,7 +50,7 @@ SUBPROBLEM_VARIABLES = (
 )
 
 
-def pack(problems: Sequence[PosedSubproblem]) -> "Block":
+def pack(problems: Sequence[PosedSubproblem]) -> Block:
     """Arrays of all problems, by the names of variables in `deli.recording.schema`."""
     uppers = [() if one.metric is None else one.metric[np.triu_indices(one.variables)] for one in problems]
     residuals = np.array([one.residuals(one.z, one.y) for one in problems]).reshape(-1, 3)
@@ -133,7 +130,7 @@ def find_fault(arrays: Mapping[str, np.ndarray]) -> str:
     return ""
 
 
-def taken(arrays: Mapping[str, np.ndarray], steps: int) -> "Block":
+def taken(arrays: Mapping[str, np.ndarray], steps: int) -> Block:
     """Those of the problems whose arrays `pack` returned that were posed before so many steps had been taken."""
     ends = places(arrays, int(np.searchsorted(arrays["step"], steps)))
     dims = {variable.name: variable.dims for variable in SUBPROBLEM_VARIABLES}

@@ -1,12 +1,17 @@
-"""One variable of a dataset."""
+"""One variable of a dataset, and the arrays of many."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 RAGGED = ("problem", "variable", "row", "entry", "metric_entry")
 """Dimensions along which the numbers of subproblems stand, one subproblem after the other."""
 GROWING = ("time", "step", *RAGGED)
+
+Block = dict[str, np.ndarray]
+"""Arrays by the names of their variables."""
 
 
 @dataclass(frozen=True)

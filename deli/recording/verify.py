@@ -1,7 +1,6 @@
 """Whether a recorded file is what it says: schema, committed rows, finite numbers, diagnostics that follow."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,22 +8,15 @@ import xarray as xr
 
 from deli.integrators.registry import METHODS
 from deli.recording import provenance, reading, structure
+from deli.recording.ensemble_file import tree_of
+from deli.recording.finding import AGREEMENT, Finding
 from deli.recording.recorder import diagnose
 from deli.recording.schema import POSED, STATS, TRAJECTORY, Groups, Schema, build_tree, dataset_of
 from deli.recording.subproblems import LEFT_OUT, unpack
+from deli.recording.verify_ensemble import verify_ensemble
 from deli.subproblems.stats import RESIDUALS
 
-AGREEMENT = 1e-9
 MAY_BE_NAN = ("gap_min", "equality_residual", "primal_residual", "dual_residual", "complementarity")
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that was checked: what, whether it holds (None: could not be checked), and what was seen."""
-
-    what: str
-    holds: bool | None
-    seen: str
 
 
 def verify(path: Path) -> list[Finding]:
@@ -35,12 +27,15 @@ def verify(path: Path) -> list[Finding]:
     InputError
         If it cannot be read at all, or was not recorded by deli.
     """
-    found = reading.examine(path)
+    contents = reading.contents_of(path)
+    if reading.holds_ensemble(contents):
+        return verify_ensemble(tree_of(contents, path), contents.trusted)
+    found = reading.examine(path, contents)
     groups, attributes = found.groups, found.attributes
     run = build_tree(groups, attributes)
     config = structure.config_of(attributes, path)
     findings = [Finding("outcome", None, attributes["outcome"])]
-    findings += [_content(found), _schema(groups, config["method"]["name"]), _rows(path, run, found.stored)]
+    findings += [_content(found), _schema(groups, config["method"]["name"]), _rows(path, run, found)]
     findings += [_finite(run), _times(run, config)]
     findings += [_problems(run)] if POSED in groups else []
     return findings + list(_diagnostics(run))
@@ -53,7 +48,7 @@ def _content(found: reading.Examined) -> Finding:
     if found.sealed:
         return Finding("content", True, "the digest that the file was closed with")
     if found.broken is None:
-        return Finding("content", None, "not checked: there is neither a digest nor checksums")
+        return Finding("content", None, "not sealed: another program wrote the file, without digest and checksums")
     return Finding("content", True, "checksums of all rows; there is no digest")
 
 
@@ -76,11 +71,16 @@ def _schema(groups: Groups, method: str) -> Finding:
     return Finding("schema", not wrong, "; ".join(wrong) or "all variables, with units and long names")
 
 
-def _rows(path: Path, run: xr.DataTree, stored: int) -> Finding:
+def _rows(path: Path, run: xr.DataTree, found: reading.Examined) -> Finding:
     committed = dataset_of(run, TRAJECTORY).sizes["time"]
     if path.suffix == ".partial":
-        return Finding("rows", committed >= 1, f"{committed} committed of {stored} begun")
-    return Finding("rows", committed == stored, f"{committed} committed, {stored} stored")
+        return Finding("rows", committed >= 1, f"{committed} committed of {found.stored} begun")
+    if not found.counted:
+        steps = dataset_of(run, STATS).sizes["step"]
+        return Finding(
+            "rows", None, f"{committed} rows and {steps} steps; the program that wrote the file left no count"
+        )
+    return Finding("rows", committed == found.stored, f"{committed} committed, {found.stored} stored")
 
 
 def _finite(run: xr.DataTree) -> Finding:
@@ -98,7 +98,7 @@ def _times(run: xr.DataTree, config: dict[str, float]) -> Finding:
     steps = time / config["step_size"]
     uneven = np.abs(steps - np.round(steps)) > 1e-6
     holds = not uneven.any() and bool((np.diff(np.round(steps)) > 0).all())
-    return Finding("times", holds, f"0 to {time[-1]:.9g}, multiples of {config['step_size']}")
+    return Finding("times", holds, f"{time[0]:.9g} to {time[-1]:.9g}, multiples of {config['step_size']}")
 
 
 def _problems(run: xr.DataTree) -> Finding:

@@ -23,7 +23,7 @@ def replacing(path: Path) -> Iterator[Path]:
     fresh = path.with_name(f"{path.name}.{os.getpid()}.new")
     try:
         yield fresh
-        with fresh.open("rb") as file:
+        with fresh.open("rb+") as file:  # some systems flush files only that may be written
             os.fsync(file.fileno())
         os.replace(fresh, path)
     except OSError as error:

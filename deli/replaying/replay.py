@@ -16,6 +16,7 @@ from deli.recording.reading import read_subproblems
 from deli.replaying.contenders import STATUSES, Contender, Outcome, Reference
 from deli.running.progress import ProgressBar
 from deli.subproblems.choices import SUBPROBLEMS, SolverChoice, parse_choices
+from deli.version import __version__
 from solvers import Status
 
 LIBRARY = Path(__file__).with_name("library.nc")
@@ -51,7 +52,7 @@ def replay(
     limit : float
         Seconds that a problem may take: one that takes longer counts as not solved, and is solved only once.
     progress : bool
-        Show a bar on a terminal.
+        Show a bar, on a terminal or in a notebook.
 
     Returns
     -------
@@ -169,7 +170,7 @@ def _attributes(
         "polish": int(polish),
         "repeat": repeat,
         "limit": float(limit),
-        "deli_version": provenance.version("deli"),
+        "deli_version": __version__,
         "backend_versions": provenance.backend_versions(single),
         "machine": provenance.machine(),
         "date": provenance.now(),

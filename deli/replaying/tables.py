@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from deli.numerals import numeral
 from deli.replaying.profiles import charged_times, ratios, shifted_geometric_mean
 from deli.subproblems.choices import SUBPROBLEMS
 
@@ -22,7 +23,7 @@ def print_replay(console: Console, data: xr.Dataset) -> None:
     console.print(
         f"{data.sizes['problem']:,} subproblems of {data.attrs['file']}: {counted}; "
         f"at most {int(data['variables'].max())} variables, {int(data['rows'].max())} rows\n"
-        f"tolerance {data.attrs['tolerance']:g}, answers {polish}, limit {data.attrs['limit']:g} s",
+        f"tolerance {numeral(data.attrs['tolerance'])}, answers {polish}, limit {data.attrs['limit']:g} s",
         markup=False,
         soft_wrap=True,
     )

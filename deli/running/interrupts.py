@@ -90,5 +90,9 @@ class StopRequests:
     def _lose_patience(self, number: int) -> None:
         time.sleep(self._patience)
         with self._lock:
-            if not self._over:
+            if self._over:
+                return
+            if hasattr(signal, "pthread_kill"):
                 signal.pthread_kill(threading.main_thread().ident or 0, number)
+            else:  # where there is none, a sleep is not broken off
+                _thread.interrupt_main(signal.Signals(number))

@@ -2,13 +2,17 @@
 
 import sys
 import time
+import uuid
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Column
 
 
 class ProgressBar:
-    """A bar on standard error; shows nothing where that is not a terminal.
+    """A bar on standard error, or in the output of a notebook's cell; shows nothing elsewhere.
+
+    Rate and remaining time come from the steps after the first report, because compiling and loading precede it.
 
     Parameters
     ----------
@@ -24,11 +28,13 @@ class ProgressBar:
 
     def __init__(self, name: str, steps: int, done: int, shown: bool, unit: str = "steps") -> None:
         console = Console(file=sys.stderr)
-        self.active = shown and (console.is_terminal or console.is_jupyter)
-        self._done, self._unit = done, unit
+        self._notebook = console.is_jupyter
+        self.active = shown and (console.is_terminal or self._notebook)
+        self._steps, self._done, self._unit = steps, done, unit
+        self._warm: tuple[float, int] | None = None
         if self.active:
             self._progress = Progress(
-                TextColumn("{task.description}", markup=False),
+                TextColumn("{task.description}", markup=False, table_column=Column(max_width=24, no_wrap=True)),
                 BarColumn(bar_width=20),
                 TaskProgressColumn(),
                 TextColumn("{task.fields[rate]}{task.fields[note]}"),
@@ -39,18 +45,36 @@ class ProgressBar:
             self._task = self._progress.add_task(name, total=steps, completed=done, rate="starting", note="")
 
     def __enter__(self) -> "ProgressBar":
-        self._started = time.perf_counter()
-        if self.active:
+        self._began = time.perf_counter()
+        if self.active and self._notebook:
+            self._name = uuid.uuid4().hex
+            self._display()
+        elif self.active:
             self._progress.start()
         return self
 
     def __exit__(self, *exception: object) -> None:
-        if self.active:
+        if self.active and not self._notebook:
             self._progress.stop()
 
     def update(self, step: int, energy_error: float | None = None) -> None:
         """Show that `step` steps are done."""
-        seconds = max(time.perf_counter() - self._started, 1e-9)
-        rate = f"{(step - self._done) / seconds:,.0f} {self._unit}/s"
         note = "" if energy_error is None else f", energy error {energy_error:+.1e}"
-        self._progress.update(self._task, completed=step, rate=rate, note=note, refresh=True)
+        self._progress.update(self._task, completed=step, rate=self._rate(step), note=note, refresh=True)
+        if self._notebook:
+            self._display(update=True)
+
+    def _rate(self, step: int) -> str:
+        now = time.perf_counter()
+        if self._warm is None and step > self._done:
+            self._warm = (now, step)
+        since, first = self._warm or (now, step)
+        if step == first == self._steps:  # done by the first report
+            since, first = self._began, self._done
+        return "starting" if step == first else f"{(step - first) / max(now - since, 1e-9):,.0f} {self._unit}/s"
+
+    def _display(self, update: bool = False) -> None:
+        """Show the bar as it is now; rich itself would need ipywidgets for one that changes."""
+        from IPython.display import display
+
+        display(self._progress, display_id=self._name, update=update)

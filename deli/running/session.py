@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from deli.errors import InputError
 from deli.mechanics import energies
 from deli.recording import netcdf, provenance
+from deli.recording.damage import refuse
 from deli.recording.holding import RecordingError
 from deli.recording.paths import partial_path
 from deli.recording.reading import read, read_unfinished
-from deli.recording.recorder import BLOCK_ROWS, Memory, Recorder, diagnose
+from deli.recording.recorder import BLOCK_ROWS, Memory, Recorder
+from deli.recording.scene_record import require_same_scene, scene_attributes
 from deli.recording.schema import STATS, TRAJECTORY, Groups, Schema, build_tree
-from deli.recording.structure import refuse, require_schema
+from deli.recording.structure import require_schema
 from deli.recording.subproblems import COUNTED
 from deli.running.interrupts import PATIENCE_SECONDS as STEP_SECONDS
 from deli.running.interrupts import Interrupted, StopRequests
@@ -45,7 +46,7 @@ class Session:
         self._report, self._shown = None if isinstance(progress, bool) else progress, progress is True
         self._began = time.perf_counter()
         self._stepper = plan.stepper()
-        self._attributes = provenance.attributes(config, plan.scene)
+        self._attributes = scene_attributes(plan.scene) | provenance.attributes(config, plan.scene)
         self._schema = Schema(plan.scene.dof, plan.scene.dimension, plan.memory, plan.subproblems > 0)
         self._state: tuple[np.ndarray, ...] = (plan.scene.position, plan.scene.momentum)
         self._energy = float(energies.hamiltonian(plan.scene, *self._state))
@@ -116,13 +117,12 @@ class Session:
             groups, rows = found.groups, len(found.groups[TRAJECTORY]["time"][1])
             if rows:
                 provenance.require_same(found.attributes["config"], config, path)
+                require_same_scene(found.attributes, self._plan.scene, path)
                 require_schema(groups, self._schema, path)
                 self._require_same_times(groups[TRAJECTORY]["time"][1], path)
-                self._require_same_functions(groups, path)
                 self._state = self._last_state(groups)
                 self._solves = int(groups[STATS]["solves"][1].sum())
-                recorded = {key: found.attributes.get(key, value) for key, value in self._attributes.items()}
-                recorded["outcome"] = self._attributes["outcome"]
+                recorded = provenance.continued(found.attributes, self._attributes, path)
                 steps = self._plan.step_of(rows - 1)
                 return netcdf.Writer(path, self._schema, recorded, found, steps), rows
         return netcdf.Writer(path, self._schema, self._attributes), 0
@@ -146,17 +146,6 @@ class Session:
         if len(times) > self._plan.rows or not np.array_equal(times, due):
             refuse(path, "its times are not those that the run records")
 
-    def _require_same_functions(self, groups: Groups, path: Path) -> None:
-        position, momentum = self._state
-        first = diagnose(self._plan.scene, position[np.newaxis], momentum[np.newaxis])
-        for name, values in first.items():
-            recorded = groups[TRAJECTORY][name][1][:1]
-            if not np.allclose(recorded, values, rtol=1e-9, atol=1e-12, equal_nan=True):
-                raise InputError(
-                    f"{path} cannot be resumed: {name} of the initial state is {recorded[0]} there and {values[0]} "
-                    "now, so the scene's functions are not the same. Overwrite it, or name another output."
-                )
-
     @property
     def _step(self) -> int:
         """Steps of the run that have been taken."""
@@ -164,6 +153,8 @@ class Session:
 
     def _advance(self, stop: StopRequests) -> str:
         plan, block = self._plan, self._recorder.block
+        if self._report is not None:
+            self._report(self._step)
         while self._step < plan.steps:
             if stop.reason is not None:
                 return f"{INTERRUPTED} by {stop.reason} after step {self._step}"
@@ -188,7 +179,7 @@ class Session:
             self._bar.update(self._step, energy - self._energy)
 
     def _record_last_good(self) -> None:
-        """Add the state before a failed step as a row if it is none yet; its stats count the failed attempt too."""
+        """Add the state before a failed step as a row if it is none yet; its stats count the work of that step too."""
         if self._step > self._plan.step_of(self._recorder.rows - 1):
             self._stepper.record(self._recorder.block)
 

@@ -12,12 +12,13 @@ from deli.studies.model import LimitsTable
 from deli.studies.states import KILLED, WAITING
 from deli.studies.supervisor import Supervisor
 from deli.studies.worker import Order
+from solvers.distribution import install_line
 
 try:
     import distributed
     from distributed import Client, Event, Future, WorkerPlugin
 except ImportError as error:
-    raise InputError("--scheduler needs Dask, which is not installed: pip install 'deli[distributed]'.") from error
+    raise InputError(f"--scheduler needs Dask, which is not installed: {install_line('distributed')}.") from error
 
 CONNECT_SECONDS = 30.0
 LOOK_SECONDS = 0.5

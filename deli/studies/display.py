@@ -4,11 +4,12 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from rich.console import Console, Group
 from rich.live import Live
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -18,18 +19,42 @@ from deli.studies.states import DONE
 REFRESH_SECONDS = 0.25
 
 
+@dataclass
+class _Shown:
+    """A run under way: when it was begun, and from which time and step on it is known to take steps."""
+
+    decision: Decision
+    begun: float
+    step: int = 0
+    heard: float = 0.0
+    warm: tuple[float, int] | None = None
+
+    def take(self, step: int) -> None:
+        """Hear of a step; the first comes once what the run needs is compiled and loaded."""
+        self.step, self.heard = step, time.monotonic()
+        self.warm = self.warm or (self.heard, step)
+
+    @property
+    def spent(self) -> tuple[float, int]:
+        """Seconds and steps since it is warm."""
+        since, first = self.warm or (self.heard, self.step)
+        return self.heard - since, self.step - first
+
+
 class Board:
     """Shows what runs, what has ended and about how long the rest takes; progress is counted in steps.
 
     On a terminal, a live table on standard error; elsewhere a line on standard output for each run that has ended.
+    How long steps take is known from those that runs took after compiling and loading.
     """
 
     def __init__(self, decisions: Sequence[Decision]) -> None:
         self._todo = [decision for decision in decisions if decision.action != KEEP]
         self._work = sum(map(_work, self._todo))
-        self._running: dict[str, tuple[Decision, float, int]] = {}
-        self._ended, self._failed, self._behind = 0, 0, 0
-        self._began, self._drawn = time.monotonic(), 0.0
+        self._running: dict[str, _Shown] = {}
+        self._ended, self._failed, self._behind, self._at_once = 0, 0, 0, 1
+        self._seconds, self._taken = 0.0, 0
+        self._drawn = 0.0
         console = Console(file=sys.stderr)
         self._live: Live | None = None
         if console.is_terminal and self._todo:
@@ -37,11 +62,10 @@ class Board:
                 TextColumn("{task.description}", markup=False),
                 BarColumn(bar_width=24),
                 TaskProgressColumn(),
-                TextColumn("left:"),
-                TimeRemainingColumn(),
+                TextColumn("{task.fields[left]}"),
                 console=console,
             )
-            self._task = self._progress.add_task("starting", total=self._work)
+            self._task = self._progress.add_task("starting", total=self._work, left="")
             self._live = Live(self._drawing(), console=console, auto_refresh=False, transient=True)
 
     def __enter__(self) -> "Board":
@@ -55,16 +79,21 @@ class Board:
 
     def started(self, decision: Decision) -> None:
         """See `deli.studies.running.Watcher`."""
-        self._running[decision.case.digest] = (decision, time.monotonic(), 0)
+        self._running[decision.case.digest] = _Shown(decision, time.monotonic())
+        self._at_once = max(self._at_once, len(self._running))
 
     def step(self, decision: Decision, step: int) -> None:
         """See `deli.studies.running.Watcher`."""
         if decision.case.digest in self._running:
-            self._running[decision.case.digest] = (*self._running[decision.case.digest][:2], step)
+            self._running[decision.case.digest].take(step)
 
     def ended(self, decision: Decision, record: dict[str, Any]) -> None:
         """See `deli.studies.running.Watcher`."""
-        self._running.pop(decision.case.digest, None)
+        shown = self._running.pop(decision.case.digest, None)
+        if shown is not None and shown.warm is not None:
+            if record["state"] == DONE:
+                shown.take(decision.case.steps)
+            self._seconds, self._taken = self._seconds + shown.spent[0], self._taken + shown.spent[1]
         self._ended += 1
         self._behind += _work(decision)
         self._failed += record["state"] != DONE
@@ -83,22 +112,28 @@ class Board:
         self._drawn = time.monotonic()
         failed = f", {self._failed} not done" if self._failed else ""
         said = f"{self._ended} of {len(self._todo)} runs{failed}"
-        self._progress.update(self._task, completed=self._steps, description=said)
+        self._progress.update(self._task, completed=self._steps, description=said, left=self._left())
         self._live.update(self._drawing(), refresh=True)
 
     @property
     def _steps(self) -> int:
-        return self._behind + sum(step for _, _, step in self._running.values())
+        return self._behind + sum(shown.step for shown in self._running.values())
 
     def _left(self) -> str:
-        seconds = (time.monotonic() - self._began) * (self._work - self._steps) / max(self._steps, 1)
-        return f"about {_short(seconds)} left"
+        """Say how long the steps that are left take, by as many runs at once as there were."""
+        spent = [shown.spent for shown in self._running.values()]
+        seconds, taken = self._seconds + sum(s for s, _ in spent), self._taken + sum(n for _, n in spent)
+        if not taken:
+            return "compiling and loading"
+        at_once = max(min(self._at_once, len(self._todo) - self._ended), 1)
+        return f"about {_short(seconds / taken * (self._work - self._steps) / at_once)} left"
 
     def _drawing(self) -> Group:
         table = Table("running", "steps", "for", "why")
-        for decision, since, step in self._running.values():
-            share = f"{100 * step // max(decision.case.steps, 1)} %"
-            cells = (decision.case.title, share, _short(time.monotonic() - since), decision.why)
+        for shown in self._running.values():
+            decision = shown.decision
+            share = f"{100 * shown.step // max(decision.case.steps, 1)} %" if shown.warm else "compiling, loading"
+            cells = (decision.case.title, share, _short(time.monotonic() - shown.begun), decision.why)
             table.add_row(*(Text(cell) for cell in cells))
         return Group(table, self._progress)
 

@@ -67,6 +67,8 @@ class Study:
         Whether cases are compared with the scene's closed form.
     limits : LimitsTable
     workers : int or None
+    timed : bool
+        Whether the steps of its cases are timed.
     """
 
     title: str
@@ -77,6 +79,7 @@ class Study:
     exact: bool
     limits: LimitsTable
     workers: int | None
+    timed: bool = False
 
     @property
     def runs(self) -> dict[str, Case]:
@@ -145,7 +148,17 @@ def make_study(found: Mapping[str, Any], folder: Path, text: str = "", name: str
             references[case.digest] = _reference(settings, change, case)
     if not cases:
         raise InputError("exclude leaves no case.")
-    return Study(table.title or name, text, dimensions, tuple(cases), references, exact, table.limits, table.workers)
+    return Study(
+        title=table.title or name,
+        text=text,
+        dimensions=dimensions,
+        cases=tuple(cases),
+        references=references,
+        exact=exact,
+        limits=table.limits,
+        workers=table.workers,
+        timed=table.time_steps,
+    )
 
 
 def digest_of(settings: Mapping[str, Any]) -> str:

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from deli.errors import InputError
-from deli.recording.provenance import now, version
+from deli.recording.provenance import now
 from deli.recording.whole import write_text
 from deli.studies.expansion import Study
 from deli.studies.layout import MANIFEST, read_json
 from deli.studies.manifest_model import check_manifest
 from deli.studies.states import RUNNING, WAITING
+from deli.version import __version__
 
 FORMAT = 1
 SECONDS_BETWEEN_WRITES = 0.5
@@ -47,6 +48,7 @@ class Manifest:
             "format": FORMAT,
             "title": study.title,
             "study": study.text,
+            "timed": study.timed,
             "limits": study.limits.model_dump(),
             "sessions": self._sessions,
             "dimensions": [
@@ -86,7 +88,7 @@ def _circumstances() -> dict[str, Any]:
         "start": now(),
         "machine": f"{platform.node()}, {platform.platform()}, {os.cpu_count()} CPUs",
         "load": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
-        "deli_version": version("deli"),
+        "deli_version": __version__,
     }
 
 

@@ -62,6 +62,7 @@ class _Session(_Part):
 
 class _Manifest(_Part):
     title: str
+    timed: bool = False
     study: Annotated[str, BeforeValidator(_toml)]
     sessions: list[_Session]
     dimensions: list[_Dimension]

@@ -16,8 +16,10 @@ from deli.errors import InputError
 from deli.recording.reading import read
 from deli.recording.schema import build_tree
 from deli.recording.whole import write_text
-from deli.studies import exact
+from deli.running.plan import Plan
+from deli.studies import exact, timing
 from deli.studies.layout import metrics_path, read_json
+from deli.studies.timing import time_run
 
 EXACT = "exact"
 
@@ -49,7 +51,11 @@ _measured = TypeAdapter(Measured)
 @functools.cache
 def definition() -> str:
     """Name the present definition of the metrics."""
-    sources = [*sorted(Path(inspect.getfile(metrics)).parent.glob("*.py")), Path(inspect.getfile(exact))]
+    sources = [
+        *sorted(Path(inspect.getfile(metrics)).parent.glob("*.py")),
+        Path(inspect.getfile(exact)),
+        Path(inspect.getfile(timing)),
+    ]
     return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
 
 
@@ -72,14 +78,16 @@ def measured(run: Path) -> Measured | None:
         raise InputError(f"{path} is damaged: {place}: {first['msg']}; deli study measures the run again.") from error
 
 
-def measure(path: Path, run: xr.DataTree, reference: str | None) -> Measured:
-    """Measure a run against what `reference` names, and write that beside it."""
+def measure(path: Path, run: xr.DataTree, reference: str | None, timed: Plan | None = None) -> Measured:
+    """Measure a run against what `reference` names, and write that beside it; time the steps of the plan `timed`."""
     against, note = _reference(path, run, reference)
     try:
         found = metrics.measure(run, against)
     except InputError as error:
         note, found = str(error), metrics.measure(run)
     values = {str(name): float(value) for name, value in found.data_vars.items()}
+    if timed is not None and run.attrs["outcome"] == "complete":
+        values |= time_run(timed)
     result = Measured(definition(), reference, values, note)
     write_text(metrics_path(path), json.dumps(asdict(result), indent=1))
     return result

@@ -73,7 +73,8 @@ class StudyTable(Table):
     `base` is a config (a table, or a file's path relative to the study file). `axes` are multiplied, and so are `zip`,
     each of which is one dimension, and `cases`, a list of changes by hand. What matches an entry of `exclude` is left
     out. `reference` changes a case's config into that of the run it is compared with; ``{exact = true}`` compares with
-    the scene's closed form. `plots` are those of the study's report.
+    the scene's closed form. `time_steps` has the steps of each case timed, by CPU time and with nothing recorded:
+    metrics `cpu_time` and `recording_time`. `plots` are those of the study's report.
     """
 
     title: str = ""
@@ -85,6 +86,7 @@ class StudyTable(Table):
     reference: dict[str, Any] | None = None
     limits: LimitsTable = Field(default_factory=LimitsTable)
     workers: int | None = Field(default=None, ge=1, le=MOST_WORKERS)
+    time_steps: bool = False
     plots: list[Plot] = Field(default_factory=list)
 
 

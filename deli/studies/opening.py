@@ -19,6 +19,7 @@ from deli.studies.layout import run_path
 from deli.studies.manifest import read_manifest
 from deli.studies.measuring import definition, measured
 from deli.studies.states import DONE, EXCLUDED
+from deli.studies.timing import TIMES
 
 logger = logging.getLogger("deli")
 
@@ -34,7 +35,8 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        On the study's axes: the metrics of `deli.metrics.measure`, nan where a case did not finish; `state`, which is
+        On the study's axes: the metrics of `deli.metrics.measure`, nan where a case did not finish, and `cpu_time` and
+        `recording_time` where the study has ``time_steps``; `state`, which is
         ``done``, ``failed``, ``timed out``, ``out of memory``, ``killed``, ``interrupted``, ``running``, ``waiting`` or
         ``excluded``; `outcome`, which is ``complete``, empty where the study excludes a case, and else says what
         happened; `note`, why a case was not compared with its reference; `file`. Runs are read when asked for:
@@ -52,7 +54,8 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
     dimensions = manifest["dimensions"]
     names = [dimension["name"] for dimension in dimensions]
     shape = [len(dimension["positions"]) for dimension in dimensions]
-    values = {name: np.full(shape, np.nan) for name in METRICS}
+    described = METRICS | (TIMES if manifest.get("timed", False) else {})
+    values = {name: np.full(shape, np.nan) for name in described}
     words = {name: np.full(shape, "", dtype=object) for name in _WORDS}
     words["state"][...] = EXCLUDED
     places = [
@@ -67,11 +70,14 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
         words["file"][index], words["note"][index] = file.relative_to(folder).as_posix(), found.note if found else ""
         if found is not None:
             old += found.definition != definition()
-            for name in METRICS:
+            for name in described:
                 values[name][index] = found.metrics.get(name, np.nan)
     if old:
         logger.warning("%s: %d runs were measured by other definitions; deli study measures them anew", folder, old)
-    variables = {name: (names, array, _described(name)) for name, array in values.items()}
+    variables = {
+        name: (names, array, dict(zip(("units", "long_name"), described[name], strict=True)))
+        for name, array in values.items()
+    }
     variables |= {name: (names, array.astype(str), {"long_name": _WORDS[name]}) for name, array in words.items()}
     return xr.Dataset(
         variables,
@@ -145,11 +151,6 @@ def _outcome(record: Mapping[str, Any]) -> str:
     return reason if reason.startswith(state) else ": ".join(filter(None, (state, reason)))
 
 
-def _described(name: str) -> dict[str, str]:
-    units, long_name = METRICS[name]
-    return {"units": units, "long_name": long_name}
-
-
 def _coordinates(dimensions: list[dict[str, Any]]) -> dict[str, Any]:
     """Labels of each dimension, and beside a zip's labels the numbers and words that it puts together."""
     coordinates: dict[str, Any] = {}
@@ -161,7 +162,7 @@ def _coordinates(dimensions: list[dict[str, Any]]) -> dict[str, Any]:
         for key in dimension["keys"] if len(dimension["keys"]) > 1 else ():
             values = [position["changes"][key] for position in dimension["positions"]]
             beside = derived_name(key)
-            free = beside not in coordinates and beside not in METRICS and beside not in _WORDS
+            free = beside not in coordinates and beside not in {*METRICS, *TIMES, *_WORDS}
             if free and all(isinstance(value, str | int | float) for value in values):
                 coordinates[beside] = (dimension["name"], values, {"long_name": key})
     return coordinates

@@ -8,13 +8,15 @@ from typing import Any
 
 from deli.errors import InputError
 from deli.recording.paths import partial_path
-from deli.recording.provenance import NONE_USED, backend_version, flatten, version
+from deli.recording.provenance import NONE_USED, backend_version, flatten
 from deli.recording.reading import read_attributes
 from deli.recording.seal import sealed
 from deli.studies.expansion import Case, Study
 from deli.studies.layout import config_path, run_path
 from deli.studies.measuring import EXACT, definition, measured
 from deli.studies.states import DONE, FAILED, FAILURES, INTERRUPTED, WAITING
+from deli.studies.timing import TIMES
+from deli.version import __version__
 
 KEEP, MEASURE, RUN = "keep", "measure", "run"
 KNOWN = ("outcome", "deli_version", "backend_versions", "machine")
@@ -122,6 +124,8 @@ def _remeasured(decision: Decision, study: Study, folder: Path, again: set[str])
         why = "metrics are defined otherwise now"
     elif found.reference != reference:
         why = "the reference is another"
+    elif study.timed and decision.case.labels and not set(TIMES) <= found.metrics.keys():
+        why = "steps not timed yet"
     elif reference in again:
         why = "the reference runs again"
     return Decision(decision.case, MEASURE, why, record=decision.record) if why else decision
@@ -132,7 +136,7 @@ def _newer_versions(deli: str, backends: str) -> str:
     recorded = {"deli": deli}
     if backends != NONE_USED:
         recorded |= {name: found for name, _, found in (entry.partition(" ") for entry in backends.split(", "))}
-    present = {name: version("deli") if name == "deli" else backend_version(name) for name in recorded}
+    present = {name: __version__ if name == "deli" else backend_version(name) for name in recorded}
     return "; ".join(
         f"{name} was {recorded[name]} and is {present[name]}" for name in recorded if recorded[name] != present[name]
     )

@@ -16,7 +16,7 @@ from deli.plotting.lines import plain
 from deli.plotting.profiles import draw_shares
 from deli.plotting.style import STYLE, new_figure
 from deli.replaying.profiles import performance_profile
-from deli.studies.findings import SCENE
+from deli.studies.matching import SCENE, in_words
 from deli.studies.plot_tables import EnergyTraces, HeatMap, Pareto, Plot, Profile, WorkPrecision
 from deli.studies.states import DONE, EXCLUDED
 
@@ -34,14 +34,13 @@ def first_look(study: xr.Dataset) -> list[Plot]:
     numeric = [name for name in axes if np.issubdtype(study[name].dtype, np.number)]
     by = next((name for name in axes if name not in numeric), None)
     error = "trajectory_error" if study["trajectory_error"].notnull().any() else "energy_band"
+    cost = "cpu_time" if "cpu_time" in study else "wall_time"
     plots: list[Plot] = [
-        Pareto(
-            title="Which case is worth its time", x="wall_time", y=error, by=by or next(iter(axes), None), panels=panels
-        )
+        Pareto(title="Which case is worth its time", x=cost, y=error, by=by or next(iter(axes), None), panels=panels)
     ]
     for along in numeric:
         title = f"Error against time along {along}"
-        plots.append(WorkPrecision(title=title, cost="wall_time", error=error, along=along, by=by, panels=panels))
+        plots.append(WorkPrecision(title=title, cost=cost, error=error, along=along, by=by, panels=panels))
     if len(axes) > 1:
         x, y = sorted(axes, key=lambda name: -study.sizes[name])[:2]
         plots.append(HeatMap(title="Where it works", x=x, y=y, value=error, panels=panels))
@@ -99,7 +98,7 @@ def draw(plot: Plot, study: xr.Dataset) -> Figure:
             axes.set_title(plain(label))
         for axes in grid[: len(labels) - 1]:
             legend = axes.get_legend()
-            if legend is not None and columns > 1:  # the last panel's stands for all
+            if legend is not None and columns > 1 and not isinstance(plot, HeatMap):  # the last panel's stands for all
                 legend.remove()
         for axes in grid[len(labels) :]:
             axes.remove()
@@ -112,7 +111,10 @@ def _at(study: xr.Dataset, name: str, label: Any) -> xr.Dataset:
 
 
 def _draw_profile(plot: Profile, axes: Axes, study: xr.Dataset) -> None:
-    """Cases that differ along `by` alone are attempts at one problem; what is excluded at some label is none."""
+    """Cases that differ along `by` alone are attempts at one problem; what is excluded at some label is none.
+
+    All lines are shares of the same problems, and what fails is never done.
+    """
     others = [str(name) for name in study["state"].dims if name != plot.by]
     problems = study[["state", plot.cost]].stack(problem=others).transpose("problem", plot.by)
     problems = problems.isel(problem=np.flatnonzero((problems["state"] != EXCLUDED).all(plot.by)))
@@ -122,7 +124,7 @@ def _draw_profile(plot: Profile, axes: Axes, study: xr.Dataset) -> None:
     }
     draw_shares(axes, performance_profile(xr.Dataset(attempts, {"backend": study[plot.by].values})))
     axes.set_xlabel(f"{study[plot.cost].attrs['long_name']}, over the least")
-    axes.set_ylabel("share of cases done")
+    axes.set_ylabel(f"share of {problems.sizes['problem']:,} cases done")
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
 
 
@@ -136,6 +138,9 @@ def _draw_traces(plot: EnergyTraces, axes: Axes, study: xr.Dataset) -> None:
         except InputError:  # nothing is recorded of a case that was excluded, or has not begun
             continue
     comparison.energy_traces(runs, axes)
+    first = in_words({name: label for name, label in others.items() if study.sizes[name] > 1})
+    if first and (legend := axes.get_legend()) is not None:
+        legend.set_title(plain(first))
 
 
 _DRAW: dict[str, Callable[[Any, Axes, xr.Dataset], Any]] = {

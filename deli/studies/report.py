@@ -13,10 +13,12 @@ import xarray as xr
 from markdown_it import MarkdownIt
 
 from deli.config.reading import parse_toml
+from deli.numerals import numeral
 from deli.plotting.figures import write_picture
 from deli.recording.whole import write_text
-from deli.studies.findings import COMPLETE, SCENE, findings
+from deli.studies.findings import COMPLETE, findings
 from deli.studies.layout import PAGE, PICTURES, TEXT
+from deli.studies.matching import SCENE
 from deli.studies.model import check_table
 from deli.studies.plot_tables import Plot
 from deli.studies.plots import check_plots, draw, first_look
@@ -28,7 +30,8 @@ DPI = 110
 MOST_ROWS = 1000
 COLUMNS = (
     "energy_band", "energy_drift", "momentum_error", "angular_momentum_error", "violation_worst", "equality_residual",
-    "trajectory_error", "smooth_contacts", "solves", "verified_solves", "iterations", "solver_time", "wall_time",
+    "trajectory_error", "smooth_contacts", "solves", "verified_solves", "iterations", "solver_time", "cpu_time",
+    "recording_time", "wall_time",
 )  # fmt: skip
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; }
@@ -126,7 +129,7 @@ def _cases(study: xr.Dataset) -> str:
     names = sorted((str(name) for name in study["state"].dims), key=lambda name: name != SCENE)
     axes = [name for name in names if study.sizes[name] > 1] or names[:1]
     study = study.isel({name: 0 for name in names if name not in axes}).transpose(*axes)
-    shown = [name for name in COLUMNS if study[name].notnull().any()]
+    shown = [name for name in COLUMNS if name in study and study[name].notnull().any()]
     if study["state"].size <= MOST_ROWS:
         return _table([*axes, "state", *shown], list(_rows(study, axes, shown)))
     kept = list(axes)
@@ -137,15 +140,29 @@ def _cases(study: xr.Dataset) -> str:
         logarithms = complete.map(lambda values: np.log(abs(values)))
     means = logarithms.mean(axes[len(kept) :]).map(np.exp)
     means["state"] = (study["state"] == DONE).sum(axes[len(kept) :])
-    told = f"Geometric means over {', '.join(axes[len(kept) :])} of the cases that ended, which `state` counts."
-    return f"{told}\n\n" + _table([*kept, "state", *shown], list(_rows(means, kept, shown)))
+    counts = complete.notnull().sum(axes[len(kept) :])
+    told = (
+        f"Geometric means over {', '.join(axes[len(kept) :])} of the cases that ended, which `state` counts; of fewer "
+        "where a number is followed by how many. Rows of other counts are means of other cases."
+    )
+    return f"{told}\n\n" + _table([*kept, "state", *shown], list(_rows(means, kept, shown, counts)))
 
 
-def _rows(metrics: xr.Dataset, axes: list[str], shown: list[str]) -> Iterator[list[str]]:
+def _rows(
+    metrics: xr.Dataset, axes: list[str], shown: list[str], counts: xr.Dataset | None = None
+) -> Iterator[list[str]]:
+    """Words of each case, or of the means of several, of which `counts` says how many cases know a metric."""
     for index in np.ndindex(*(metrics.sizes[name] for name in axes)):
-        case = metrics.isel(dict(zip(axes, index, strict=True)))
-        if case["state"].item() != EXCLUDED:
-            yield [_word(case[name].item()) for name in (*axes, "state", *shown)]
+        place = dict(zip(axes, index, strict=True))
+        case = metrics.isel(place)
+        if case["state"].item() == EXCLUDED:
+            continue
+        words = [_word(case[name].item()) for name in (*axes, "state", *shown)]
+        if counts is not None:
+            of = [int(counts[name].isel(place)) for name in shown]
+            fewer = (f" ({count})" if 0 < count < case["state"].item() else "" for count in of)
+            words[-len(shown) :] = [f"{value}{said}" for value, said in zip(words[-len(shown) :], fewer, strict=True)]
+        yield words
 
 
 def _failures(study: xr.Dataset) -> str:
@@ -156,7 +173,7 @@ def _failures(study: xr.Dataset) -> str:
 
 
 def _definitions(study: xr.Dataset) -> str:
-    shown = [name for name in COLUMNS if study[name].notnull().any()]
+    shown = [name for name in COLUMNS if name in study and study[name].notnull().any()]
     rows = [[f"`{name}`", study[name].attrs["long_name"], study[name].attrs["units"]] for name in shown]
     note = "L, M and T are the scene's own units of length, mass and time; s is seconds, 1 a pure number."
     return f"{_table(['metric', 'meaning', 'units'], rows)}\n\n{note}"
@@ -170,4 +187,4 @@ def _table(header: list[str], rows: list[list[str]]) -> str:
 def _word(value: Any) -> str:
     if not isinstance(value, float):
         return _escaped(str(value))
-    return f"{value:.3g}" if np.isfinite(value) else "–"
+    return numeral(value, 3) if np.isfinite(value) else "–"

@@ -48,7 +48,7 @@ class Watcher(Protocol):
         """A run begins."""
 
     def step(self, decision: Decision, step: int) -> None:
-        """A run is at a step."""
+        """A run is at a step; the first word of this comes when it begins to take steps, compiled and loaded."""
 
     def ended(self, decision: Decision, record: dict[str, Any]) -> None:
         """A run has ended."""
@@ -185,7 +185,8 @@ class _Conductor:
             file = str(run_path(self._folder.resolve(), case.digest))
             fresh = decision.fresh and decision.action == RUN
             self._open[case.digest] = decision
-            self._scheduler.submit(Order(case.digest, file, dict(case.config), reference, fresh, spent))
+            timed = self._study.timed and bool(case.labels)
+            self._scheduler.submit(Order(case.digest, file, dict(case.config), reference, fresh, spent, timed))
         return rest
 
     def _note(self, kind: str, digest: str, what: Any) -> None:

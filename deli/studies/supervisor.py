@@ -1,6 +1,7 @@
 """One worker process seen from outside: it is given cases, watched, and killed where it exceeds its limits."""
 
 import json
+import logging
 import os
 import queue
 import signal
@@ -42,7 +43,10 @@ class Supervisor:
         self._process: subprocess.Popen[str] | None = None
 
     def run(self, order: Order, report: Callable[[int], None], stopped: Callable[[], bool]) -> Ended:
-        """Run one case; tell `report` the step it is at, and interrupt it as soon as `stopped` says so."""
+        """Run one case; tell `report` the step it is at, and interrupt it as soon as `stopped` says so.
+
+        The first step that is reported is that which the run goes on from, once its code is compiled and loaded.
+        """
         if self._process is None or self._process.poll() is not None or self._swollen(self._process):
             self.close()
             self._start()
@@ -111,6 +115,7 @@ class Supervisor:
     def _await_ready(self, process: "subprocess.Popen[str]", stopped: Callable[[], bool]) -> Ended | None:
         while not self._ready:
             answer = self._next()
+            _pass_on(answer)
             if answer is None:
                 return {"state": FAILED, "reason": f"the worker did not start: {self._died(process)}"}
             if stopped():
@@ -137,6 +142,7 @@ class Supervisor:
         limits, cause, give_up, peak, ready = self._limits, None, float("inf"), 0, WARM_UP_SECONDS
         while True:
             answer = self._next()
+            _pass_on(answer)
             peak = max(peak, _memory(process.pid))
             if answer is None or "ended" in answer:
                 ended = {"state": KILLED, "reason": self._died(process)} if answer is None else answer["ended"]
@@ -177,6 +183,13 @@ class Supervisor:
         except ValueError:
             how = f"by signal {-code}"
         return ": ".join([how, *said])
+
+
+def _pass_on(answer: dict[str, Any] | None) -> None:
+    """Log here what the worker logs."""
+    if answer and "told" in answer:
+        name, message = answer["told"]
+        logging.getLogger(name).warning(message)
 
 
 def _memory(pid: int) -> int:

@@ -4,6 +4,8 @@ It ends when nobody gives it orders any more; a run under way is then stopped af
 """
 
 import json
+import logging
+import math
 import os
 import queue
 import signal
@@ -14,6 +16,8 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TextIO
+
+from deli.kernels import LOGGERS
 
 REPORT_SECONDS = 0.25
 PATIENCE_SECONDS, RETRY_SECONDS = 20.0, 0.1
@@ -36,6 +40,8 @@ class Order:
         Whether to drop what is recorded; else it is continued, or only measured where it is whole.
     spent : float
         Seconds it took before it was interrupted.
+    timed : bool
+        Whether to time its steps, too.
     """
 
     digest: str
@@ -44,6 +50,7 @@ class Order:
     reference: str | None
     fresh: bool
     spent: float = 0.0
+    timed: bool = False
 
 
 def main() -> None:
@@ -53,6 +60,8 @@ def main() -> None:
     orders: queue.SimpleQueue[str | None] = queue.SimpleQueue()
     busy = threading.Event()
     threading.Thread(target=_listen, args=(orders, busy), daemon=True).start()
+    for name in LOGGERS:
+        logging.getLogger(name).addHandler(_Told(answers))
     _prepare()
     _say(answers, ready=True)
     while (line := orders.get()) is not None:
@@ -85,12 +94,12 @@ def _carry_out(order: Order, answers: TextIO) -> dict[str, Any]:
     from deli.running.interrupts import Interrupted
     from deli.studies.states import DONE, FAILED, INTERRUPTED, OUT_OF_MEMORY
 
-    began = time.monotonic()
+    reported = -math.inf
 
     def report(step: int) -> None:
-        nonlocal began
-        if time.monotonic() - began > REPORT_SECONDS:
-            began = time.monotonic()
+        nonlocal reported
+        if time.monotonic() - reported > REPORT_SECONDS:
+            reported = time.monotonic()
             _say(answers, step=step)
 
     try:
@@ -141,14 +150,26 @@ def _run(order: Order, report: Any) -> dict[str, str]:
     deadline = time.monotonic() + PATIENCE_SECONDS
     while True:
         try:
-            run = run_plan(parse(order.config).plan(path, resume=not order.fresh, overwrite=order.fresh), report)
+            plan = parse(order.config).plan(path, resume=not order.fresh, overwrite=order.fresh)
+            run = run_plan(plan, report)
             break
         except Busy:  # a worker whose scheduler died may still be at its last rows
             if time.monotonic() > deadline:
                 raise
             time.sleep(RETRY_SECONDS)
-    measure(path, run, order.reference)
+    measure(path, run, order.reference, plan if order.timed else None)
     return {key: run.attrs[key] for key in ("outcome", "deli_version", "backend_versions", "machine")}
+
+
+class _Told(logging.Handler):
+    """Tells the supervisor of what is logged."""
+
+    def __init__(self, answers: TextIO) -> None:
+        super().__init__(logging.WARNING)
+        self._answers = answers
+
+    def emit(self, record: logging.LogRecord) -> None:
+        _say(self._answers, told=[record.name, record.getMessage()])
 
 
 def _say(answers: TextIO, **message: Any) -> None:

@@ -18,7 +18,8 @@ class SolverChoice:
     Parameters
     ----------
     backend : str
-        A name from `solvers.available()`, or ``"auto"``: the explicit chain native, daqp, piqp, error.
+        A name from `solvers.available()`, or ``"auto"``: the explicit chain native, daqp, piqp, error. Large
+        programs that native has not answered in compiled code go to the chain of `solvers.choosing`.
     tolerance : float
         Scaled KKT residual that counts as solved; it means the same for every backend.
     polish : bool

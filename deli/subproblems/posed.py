@@ -118,7 +118,7 @@ class PosedSubproblem:
         order = np.argsort(self.column, kind="stable")
         ends = np.cumsum(np.bincount(self.column, minlength=n), dtype=np.int32)
         matrix = np.append(np.zeros(1, np.int32), ends), row[order].astype(np.int32), (signs[row] * self.value)[order]
-        primal, dual, complementarity, _ = sparse_residuals(
+        primal, dual, complementarity, *_ = sparse_residuals(
             *quadratic, *matrix, -self.wish, signs * self.bounds, self.equalities, z, -signs * y
         )
         return primal, dual, complementarity

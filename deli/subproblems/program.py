@@ -12,6 +12,7 @@ from deli.errors import InputError, StepError
 from deli.kernels.program import EXPORT, PROGRAM, Export, Program
 from deli.kernels.record import Record
 from deli.kernels.solve import export
+from deli.numerals import numeral
 from deli.subproblems.choices import NATIVE, SUBPROBLEMS, SolverChoice
 from deli.subproblems.rows import DENSE, LARGEST_DENSE, Patterns, find_patterns
 from deli.subproblems.stats import StepStats
@@ -284,7 +285,7 @@ class ProgramSolver:
         if not (solution.ok or residual <= _ACCEPTED * self._choice.tolerance):
             raise StepError(
                 f"{SUBPROBLEMS[self._subproblem]}: backend {solution.backend!r} reports {solution.claimed} and leaves "
-                f"a residual of {residual:.1e} where {self._choice.tolerance:.1e} was asked ({solution.status}"
+                f"a residual of {residual:.1e} where {numeral(self._choice.tolerance)} was asked ({solution.status}"
                 f"{': ' + solution.message if solution.message else ''}); "
                 f"try another backend, polish = true, or a smaller step_size."
             )

@@ -50,9 +50,11 @@ def _projection(
 
     velocity = cp.Variable(dof, name="velocity")
     linear = cp.Parameter(dof, name="linear")  # −2p
-    gradients = matrix("gradients", rows, dof, patterns[0])
-    bounds = cp.Parameter(rows, name="bounds")  # zero, but for the rows that pad
-    constraints = [gradients @ velocity >= bounds]
+    constraints = []
+    if rows:
+        gradients = matrix("gradients", rows, dof, patterns[0])
+        bounds = cp.Parameter(rows, name="bounds")  # zero, but for the rows that pad
+        constraints.append(gradients @ velocity >= bounds)
     if bilateral_rows:
         bilateral = matrix("bilateral", bilateral_rows, dof, patterns[1])
         constraints.append(bilateral @ velocity == 0)

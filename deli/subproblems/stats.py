@@ -21,6 +21,11 @@ RESIDUALS = ("primal_residual", "dual_residual", "complementarity")
 class StepStats:
     """Statistics by subproblem (reflection, position, projection) since the last `reset`.
 
+    They are of the work that was done: of all attempts at a step, those that a closed loop or a search for an event
+    discards included, and of steps that failed. Contacts are those of the steps as they were taken. A step that begins
+    anew because neighbours have to be searched farther counts once, so that a run has the same statistics wherever it
+    is resumed.
+
     Attributes
     ----------
     solves, skipped, iterations, rows, fallbacks, claimed, verified : (3,) int64 arrays
@@ -57,12 +62,12 @@ class StepStats:
 
     @property
     def smooth_contacts(self) -> int:
-        """Size of the smooth set of the last step."""
+        """Size of the smooth set of the last step that was taken."""
         return int(self.tally.contacts[0])
 
     @property
     def reflected_contacts(self) -> int:
-        """Contacts that took part in a reflection, summed over steps."""
+        """Contacts that took part in a reflection of a step that was taken, summed over reflections."""
         return int(self.tally.contacts[1])
 
     @property

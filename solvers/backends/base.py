@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -58,11 +58,20 @@ class Backend(ABC):
         Whether the solver takes a sparse matrix as such, so that large programs are handed to it.
     warm_starts : bool
         Whether `begin` can be called.
+    strictly_convex : bool
+        Whether P must be positive definite. A problem in which it is not, whatever the values of its Parameters, is
+        refused when it is compiled, or goes to the next member of a chain; where it depends on them, a solve that
+        finds it indefinite fails with a message.
+    prefers_curvature : bool
+        Whether a P that is not positive definite, which it takes, costs it more time than others. A chain then begins
+        behind it.
     """
 
     name: ClassVar[str]
     sparse: ClassVar[bool] = False
     warm_starts: ClassVar[bool] = False
+    strictly_convex: ClassVar[bool] = False
+    prefers_curvature: ClassVar[bool] = False
 
     @abstractmethod
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None: ...
@@ -78,6 +87,10 @@ class Backend(ABC):
     @abstractmethod
     def solve(self) -> Answer:
         """Solve for the numbers handed over last."""
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse copies, which would be attached to a program that nobody rewrites."""
+        raise TypeError(f"the backend {self.name!r} is attached to one program: copy the compiled problem instead")
 
 
 def refuse_unknown(backend: str, options: Mapping[str, Any], allowed: Iterable[str]) -> None:

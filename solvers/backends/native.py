@@ -1,31 +1,31 @@
-"""The project's own dual active-set method (`solvers.native`), for strictly convex programs."""
+"""The project's own dual active-set method (`solvers.native`), in proximal steps where curvature is missing."""
 
 import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numba import njit
 
-from solvers import tolerances
+from solvers import proximal, tolerances
 from solvers.absorbed import absorbed
 from solvers.backends.base import Answer, Backend, refuse_unknown
+from solvers.curvature import SEMIDEFINITE
+from solvers.kept import kept
 from solvers.native import project_within
 from solvers.program import Matrix, QuadraticProgram
+from solvers.residuals import Residuals
 from solvers.solution import Status
 
 NOT_CONVEX = 5
+DOUBTFUL = 1e-8  # pivot, relative to the diagonal, behind which half of the digits may be lost
 STATUS = {
     0: (Status.SOLVED, "optimal"),
     1: (Status.INFEASIBLE, "infeasible"),
     2: (Status.ITERATION_LIMIT, "iteration limit"),
     4: (Status.FAILED, "rows too close to dependent, or numbers too large, for double precision"),
-    NOT_CONVEX: (
-        Status.FAILED,
-        "the quadratic term is not positive definite: use daqp, piqp or clarabel, or give every variable curvature",
-    ),
+    NOT_CONVEX: (Status.FAILED, "the quadratic term is not positive semidefinite at these parameter values"),
+    proximal.UNBOUNDED: (Status.UNBOUNDED, "unbounded"),
 }
-SEMIDEFINITE = 1e-14  # pivot, relative to the diagonal, that is called zero
 
 
 class Native(Backend):
@@ -38,13 +38,15 @@ class Native(Backend):
         \min \tfrac12 |z + L^{-1} q|^2 \quad \text{subject to} \quad S A L^{-T} z \le S u,
 
     where S scales rows to unit length; the multipliers are S times those of the projection. Rows stay sparse
-    where P is diagonal.
+    where P is diagonal. A P that is not positive definite is handed over in proximal steps (`solvers.proximal`).
     """
 
     name = "native"
+    prefers_curvature = True
 
     def __init__(self, program: QuadraticProgram, tolerance: float, options: Mapping[str, Any]) -> None:
         self.program = program
+        self._tolerance = tolerance
         refuse_unknown(self.name, options, tolerances.LIMITS[self.name])
         settings = {**tolerances.settings(self.name, tolerance), **options}
         rows, columns, positions = _entries(program.quadratic)
@@ -53,9 +55,9 @@ class Native(Backend):
         rows, columns, positions = _entries(program.matrix)
         start = np.searchsorted(rows, np.arange(program.rows + 1)).astype(np.int64)
         matrix = (start, columns, positions, program.matrix.values)
-        limits = (float(settings["tolerance"]), int(settings["max_iterations"]))
+        self._limits = (float(settings["tolerance"]), int(settings["max_iterations"]))
         self._arguments = (
-            *quadratic, diagonal, *matrix, program.linear, program.upper, program.equalities, *limits,
+            *quadratic, diagonal, *matrix, program.linear, program.upper, program.equalities, *self._limits,
         )  # fmt: skip
         _solve(*self._arguments, np.zeros(program.variables), np.zeros(program.rows))  # compiled here, not in a solve
 
@@ -65,9 +67,14 @@ class Native(Backend):
     def solve(self) -> Answer:
         """Solve from scratch."""
         x, y = np.empty(self.program.variables), np.empty(self.program.rows)
-        code, iterations = _solve(*self._arguments, x, y)
+        code, iterations, pivot = _solve(*self._arguments, x, y)
+        if code == NOT_CONVEX or (pivot < DOUBTFUL and self._is_inaccurate(code, x, y)):
+            code, iterations = proximal.minimize(self.program, _solve, *self._limits, x, y)
         claimed, message = STATUS[code]
         return Answer(x, y, claimed, iterations, message)
+
+    def _is_inaccurate(self, code: int, x: np.ndarray, y: np.ndarray) -> bool:
+        return code != 0 or not Residuals(self.program).compute(x, y) <= self._tolerance
 
 
 def _entries(matrix: Matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -78,7 +85,7 @@ def _entries(matrix: Matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return tuple(array[order].astype(np.int64) for array in (matrix.indices, columns, places))  # type: ignore[return-value]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept(nogil=True, error_model="numpy")
 def _solve(
     P_row: np.ndarray,
     P_column: np.ndarray,
@@ -96,7 +103,8 @@ def _solve(
     max_iterations: int,
     x: np.ndarray,
     y: np.ndarray,
-) -> tuple[int, int]:
+) -> tuple[int, int, float]:
+    """Write x and y; return a code, the iterations, and the smallest pivot of P relative to its diagonal."""
     m, n = u.size, q.size
     L = np.zeros((1, n) if diagonal else (n, n))  # of a diagonal P the roots alone
     for k in range(P_row.size):
@@ -108,6 +116,7 @@ def _solve(
         x[i] = math.nan
     for i in range(m):
         y[i] = math.nan
+    least = 1.0
     for i in range(n):
         own = 0 if diagonal else i
         whole = L[own, i]
@@ -118,7 +127,8 @@ def _solve(
             L[i, j] = total / L[j, j]
             L[i, i] -= L[i, j] * L[i, j]
         if not L[own, i] > SEMIDEFINITE * whole:
-            return NOT_CONVEX, 0
+            return NOT_CONVEX, 0, 0.0
+        least = min(least, L[own, i] / whole)
         L[own, i] = math.sqrt(L[own, i])
     wish, z = np.empty(n), np.empty(n)
     for i in range(n):
@@ -164,7 +174,7 @@ def _solve(
         x[i] = z[i] / L[0 if diagonal else i, i]
         for j in range(0 if diagonal else i):
             z[j] -= L[i, j] * x[i]
-    return status, iterations
+    return status, iterations, least
 
 
 @absorbed

@@ -64,12 +64,16 @@ class Reference(Backend):
         table = self.solver.lower()
         known = tolerances.settings(table, tolerance) if table in tolerances.TOLERANCES else {}
         self._settings = {**known, **CHOSEN.get(self.solver, {}), **options}
-        covered = sum(variable.size for variable in canonical.problem.variables())
-        if covered != canonical.map.program.variables:
-            raise SolverError(
-                f"{backend} cannot be verified on this problem: its standard form has auxiliary variables; "
-                "use a backend without the prefix cvxpy:"
-            )
+        program = canonical.map.program
+        for what, places, size in (
+            ("variables that are none of the problem's", [place for _, place in canonical.primal], program.variables),
+            ("rows that are none of its constraints", canonical.dual, program.rows),
+        ):
+            if np.unique(np.concatenate([np.zeros(0), *(place.places() for place in places)])).size < size:
+                raise SolverError(
+                    f"{backend} cannot be verified on this problem, whose standard form has {what}: "
+                    "use a backend without the prefix cvxpy:"
+                )
 
     def update(self) -> None:
         """Do nothing: the values are handed over with the problem."""
@@ -90,9 +94,9 @@ class Reference(Backend):
                 return Answer(x, y, Status.FAILED, 0, str(error))
             claimed = STATUS.get(fresh.status, Status.FAILED)
             if claimed in (Status.SOLVED, Status.INACCURATE):
-                for variable, (_, place, _) in zip(problem.variables(), self.canonical.primal, strict=True):
-                    x[place] = np.asarray(variable.value).ravel(order="F")
-                for constraint, (place, _) in zip(problem.constraints, self.canonical.dual, strict=True):
-                    y[place] = np.asarray(constraint.dual_value).ravel(order="F")
+                for variable, (_, place) in zip(problem.variables(), self.canonical.primal, strict=True):
+                    place.put(x, variable.value)
+                for constraint, place in zip(problem.constraints, self.canonical.dual, strict=True):
+                    place.put(y, constraint.dual_value)
             iterations = fresh.solver_stats.num_iters
         return Answer(x, y, claimed, int(iterations or 0), fresh.status)

@@ -16,7 +16,7 @@ from pathlib import Path
 from rich.console import Console
 
 import solvers
-from deli.bench.backends import PART, SIZES, measure
+from deli.bench.backends import HORIZONS, PART, SIZES, measure, measure_control
 from deli.bench.report import print_part
 
 
@@ -36,11 +36,16 @@ def main():
     parser.add_argument("--backend", action="append", help="only this backend; may be repeated")
     parser.add_argument("-o", "--output", type=Path, help="write the results to a .csv or .json file")
     options = parser.parse_args()
-    results = []
+    backends, results = options.backend or ["auto", *solvers.available()], []
     for size in SIZES[:-1] if options.quick else SIZES:
-        for backend in options.backend or solvers.available():
+        for backend in backends:
             results.append(measure(backend, size, options.quick))
             print(f"{size[0]}, {size[1]}: {backend}", file=sys.stderr)
+    for horizon in () if options.quick else HORIZONS:
+        for backend in backends:
+            if backend != "native":  # which needs curvature
+                results.append(measure_control(backend, horizon))
+                print(f"control of {horizon}: {backend}", file=sys.stderr)
     print_part(Console(width=140), PART, {"rows": results}, None)
     if options.output:
         save(results, options.output)

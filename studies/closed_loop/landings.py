@@ -5,12 +5,12 @@ python studies/closed_loop/landings.py
 Written for two masses above each other and verlet, so that ways which deli does not have can be compared.
 """
 
-import numba
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from deli.metrics import drift
+from solvers.kept import kept
 
 STIFFNESS, LENGTH, GRAVITY, STEP, STEPS = 10.0, 5.0, 9.8, 0.1, 20_000
 FORWARD, RAW, CLOSED, KEPT, BALANCED = range(5)
@@ -23,13 +23,13 @@ WAYS = {
 }
 
 
-@numba.njit(cache=True)
+@kept()
 def slope(q):
     pull = STIFFNESS * (q[0] - q[1] - LENGTH)
     return np.array([GRAVITY + pull, GRAVITY - pull])
 
 
-@numba.njit(cache=True)
+@kept()
 def energy(q, p, numerical):
     """H, or the numerical Hamiltonian of verlet."""
     total = 0.5 * (p[0] ** 2 + p[1] ** 2) + 0.5 * STIFFNESS * (q[0] - q[1] - LENGTH) ** 2 + GRAVITY * (q[0] + q[1])
@@ -39,7 +39,7 @@ def energy(q, p, numerical):
     return total
 
 
-@numba.njit(cache=True)
+@kept()
 def across(q, along, wanted, numerical):
     """The larger momentum across the floor with which the energy is `wanted`, or comes nearest, and is not negative."""
     curvature = STEP**2 * STIFFNESS / 6.0 if numerical else 0.0
@@ -49,7 +49,7 @@ def across(q, along, wanted, numerical):
     return max(0.0, (root - mixed) / square)
 
 
-@numba.njit(cache=True)
+@kept()
 def step(q, p, way, numerical):
     """One step, and whether it lands."""
     force, landing = slope(q), False
@@ -75,7 +75,7 @@ def step(q, p, way, numerical):
     return x, y, landing
 
 
-@numba.njit(cache=True)
+@kept()
 def run(height, way, numerical):
     q, p = np.array([LENGTH + height, height]), np.zeros(2)
     energies, least, landings = np.empty(STEPS + 1), height, 0

@@ -151,7 +151,8 @@ class TestResume:
 
         path = tmp_path / "run.nc"
         self.interrupted(fall(9.8), path, at_step)
-        with pytest.raises(InputError, match=r"hamiltonian of the initial state is 9\.8 there and 1\.6"):
+        named = r"energy of Potential \(potential 0\) at 4 states is \[9\.8, .* there and \[1\.6, "
+        with pytest.raises(InputError, match=named):
             deli.simulate(fall(1.6), deli.GVI(), step_size=H, steps=100, output=path, resume=True)
         run = deli.simulate(fall(9.8), deli.GVI(), step_size=H, steps=100, output=path, resume=True)
         assert run.attrs["outcome"] == "complete"

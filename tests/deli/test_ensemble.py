@@ -145,8 +145,8 @@ class TestTree:
         assert scene["momentum"] == [0.0, 0.0]
         assert "position" not in scene
 
-    def test_conserved_momenta_are_there_where_scenes_are_one(self, run):
-        assert "conserved_linear_momentum" not in run.attrs
+    def test_conserved_momenta_are_those_of_all_members(self, run):
+        assert run.attrs["conserved_linear_momentum"] == "none"
         scenes = kicked(deli.scenes.newtons_cradle(balls=3), count=2)
         kin = deli.simulate_ensemble(scenes, deli.GVI(), step_size=0.01, steps=1)
         alone = deli.simulate(scenes[0], deli.GVI(), step_size=0.01, steps=1)

@@ -11,7 +11,7 @@ from running import DONE, RUN_FAILED, call, refused
 import deli
 from deli.config import parse
 from deli.errors import InputError, StepError
-from deli.figures import CONFIGS, load
+from deli.figures import CONFIGS, draw, load
 from deli.figures.exact import bouncing_ball
 
 PAPER = Path(__file__).parents[2] / "studies/paper"
@@ -126,9 +126,8 @@ class TestFigures:
             assert data["gvi"].sizes["time"] == data["exact"].sizes["time"] == 21
 
     @pytest.mark.parametrize("step", [1, 3])
-    @pytest.mark.parametrize("draw", ["lines", "range"])
-    def test_failed_runs_are_drawn(self, small, folder, at_step, step, draw):
-        arguments = small(('["position"]', f'["energy"]\ndraw = "{draw}"'), ('solution = "bouncing_ball"', ""))
+    def test_failed_runs_are_drawn(self, small, folder, at_step, step):
+        arguments = small(('["position"]', '["energy"]'), ('solution = "bouncing_ball"', ""))
         assert call(*arguments).exit_code == DONE
         at_step(step, lambda take: StepError("no more"))
         assert call(*arguments).exit_code == DONE
@@ -155,7 +154,7 @@ class TestFigures:
 
     def test_distances_and_changes_of_energy(self, small):
         arguments = small(
-            ('["position"]', '["radius", "energy_change"]\ndraw = "range"'),
+            ('["position"]', '["radius", "energy_change"]'),
             ('"point_mass"', '"spring_sphere"'),
             ('solution = "bouncing_ball"', ""),
         )
@@ -222,6 +221,36 @@ class TestRefusals:
         refused(call("figures", "--list", "--configs", "nowhere"), "nowhere holds no figure configs")
         (folder / "file").write_text("")
         refused(call(*small(), "-o", "file"), "file/runs cannot be made")
+
+
+class TestPictures:
+    def draw(self, small, *arguments):
+        assert call(*small(("[config]", "[config]\nrecord.every = 4")), *arguments).exit_code in (DONE, RUN_FAILED)
+        with xr.open_datatree("made/ball.nc") as data:
+            return draw(load(Path("configs/ball.toml")), data.load())
+
+    def test_what_is_not_recorded_is_said(self, small):
+        (axes,) = self.draw(small).axes
+        labels = [text.get_text() for text in axes.get_legend().get_texts()]
+        assert labels == ["GVI (one step in 4)", "exact (one step in 4)"]
+
+    def test_a_run_that_stopped_says_when(self, small, at_step):
+        at_step(9, lambda take: StepError("no more"))
+        (axes,) = self.draw(small).axes
+        assert axes.get_legend().get_texts()[0].get_text() == "GVI (one step in 4, stopped at time 0.08)"
+
+    @pytest.mark.parametrize(("name", "shortened"), [("8.4b", False), ("1.3b", True)])
+    def test_only_what_is_shortened_is_called_so(self, folder, name, shortened):
+        assert call("figures", name, "--quick", "-o", "made").exit_code == DONE
+        with xr.open_datatree(f"made/{name}.nc") as data:
+            figure = draw(load(PAPER / f"{name}.toml"), data.load())
+        assert figure.get_suptitle().endswith("(quick: shorter runs)") == shortened
+
+    def test_every_row_of_the_oscillating_energy_is_drawn(self, folder):
+        assert call("figures", "8.2c", "--quick", "-o", "made").exit_code == DONE
+        with xr.open_datatree("made/8.2c.nc") as data:
+            line = draw(load(PAPER / "8.2c.toml"), data.load()).axes[0].lines[0]
+            np.testing.assert_array_equal(line.get_ydata(), data["gvi"]["energy"])
 
 
 def test_the_bouncing_ball_keeps_its_energy():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import deli
 from deli import metrics
@@ -107,3 +108,21 @@ def test_drift_per_impact_is_the_drift_of_the_whole_run_by_reflected_contact(bal
     found = metrics.drift_per_impact(changed(ball, hamiltonian=2.0 - 0.5 * time, reflected_contacts=struck))
     assert found == pytest.approx(-0.5 * time[-1] / 5)
     assert np.isnan(metrics.drift_per_impact(changed(ball, reflected_contacts=0)))
+
+
+@pytest.mark.parametrize("rows", [0, 1, 2, 39, 40, 41, 97])
+def test_no_metric_averages_over_nothing(ball, rows):
+    """Warnings are errors here."""
+    time = np.linspace(0.0, 1.0, rows)
+    assert np.isnan(metrics.drift(time, 2.0 * time).slope) == (rows < 40)
+    if rows:
+        trajectory = ball["trajectory"].isel(time=slice(rows))
+        stats = ball["solver_stats"].isel(step=slice(rows - 1))
+        shown = xr.DataTree.from_dict({"/": ball.to_dataset(), "/trajectory": trajectory, "/solver_stats": stats})
+        assert metrics.measure(shown)["steps"] == rows - 1
+
+
+@pytest.mark.parametrize("shape", [(3, 60), (3,), (60, 3)])
+def test_a_drift_is_of_one_energy_for_each_time(shape):
+    with pytest.raises(deli.InputError, match=r"drift: found times of shape \(60,\) and energies of shape"):
+        metrics.drift(np.arange(60.0), np.zeros(shape))

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 import deli
 from deli.errors import InputError, StepError
 from deli.plotting import shapes
-from deli.plotting.lines import BINS, COLORS, POINTS, unit
+from deli.plotting.lines import COLORS, Trace, unit
 
 FAST = [
     deli.scenes.point_mass(),
@@ -124,17 +124,109 @@ def test_one_row_can_be_drawn(tmp_path, at_step):
         assert "no [/luck]" in deli.plotting.history(run).get_suptitle()
 
 
-def test_long_runs_are_envelopes_that_hide_no_extreme():
-    run = deli.simulate(deli.scenes.point_mass(), deli.GVI(), step_size=0.01, steps=POINTS + 1000)
-    figure = deli.plotting.history(run)
-    gap = figure.axes[2]
-    (envelope,) = gap.collections
-    vertices = envelope.get_paths()[0].vertices
-    recorded = run["trajectory"]["gap_min"].values
-    assert vertices[:, 1].min() == recorded.min()
-    assert vertices[:, 1].max() == recorded.max()
-    assert len(vertices) < 3 * BINS
-    assert all(len(line.get_xdata()) <= BINS for axes in figure.axes for line in axes.lines)
+def test_lines_hold_all_rows_of_a_long_run():
+    run = deli.simulate(deli.scenes.point_mass(), deli.GVI(), step_size=0.01, steps=7000)
+    gap = deli.plotting.history(run).axes[2]
+    np.testing.assert_array_equal(gap.lines[1].get_ydata(), run["trajectory"]["gap_min"].values)
+    assert not gap.collections
+    paths, close_up = deli.plotting.trajectory(run).axes
+    assert (len(paths.lines[0].get_xdata()), len(close_up.lines[0].get_xdata())) == (7001, 300)
+
+
+PANELS = [deli.plotting.energy, deli.plotting.momenta, deli.plotting.gaps, deli.plotting.residuals]
+
+
+@pytest.fixture(scope="module")
+def three():
+    """Runs of three lengths."""
+    scene, settings = deli.scenes.spring_sphere(start="mixed"), {"step_size": 0.1, "skip": False}
+    return {f"run {steps}": deli.simulate(scene, deli.GVI(), steps=steps, **settings) for steps in (40, 80, 60)}
+
+
+def curves(axes):
+    """Lines that hold as many points as a run has rows, or dots."""
+    return [line for line in axes.lines if isinstance(line, Trace)]
+
+
+@pytest.mark.parametrize("draw", [*PANELS, deli.plotting.trajectory], ids=lambda draw: draw.__name__)
+class TestSeveralRunsOnOneAxis:
+    def test_runs_have_colours_of_their_own(self, draw, three):
+        axes, hues = Figure().subplots(), []
+        for run in three.values():
+            before = len(curves(axes))
+            draw(run, ax=axes)
+            hues.append({line.get_color() for line in curves(axes)[before:]} - {"0.55"})
+        if len(set().union(*hues)) < len(COLORS):
+            assert sum(map(len, hues)) == len(set().union(*hues))
+        else:
+            assert hues[0] != hues[1] != hues[2]
+
+    def test_runs_have_labels(self, draw, three):
+        axes = Figure().subplots()
+        for name, run in three.items():
+            draw(run, ax=axes, label=name)
+        labels = [text.get_text() for text in axes.get_legend().get_texts()]
+        for name in three:
+            assert any(label.startswith(name) for label in labels)
+        assert len(set(labels)) == len(labels)
+
+    def test_a_label_is_taken_as_it_is(self, draw, three):
+        axes = draw(next(iter(three.values())), label="$x_1 \\\\").axes[0]
+        axes.figure.draw_without_rendering()
+
+    def test_runs_have_the_colours_that_are_asked_for(self, draw, three):
+        axes = Figure().subplots()
+        for hue, run in zip(("crimson", "black", (0.1, 0.2, 0.3)), three.values(), strict=True):
+            before = len(curves(axes))
+            draw(run, ax=axes, color=hue)
+            assert {line.get_color() for line in curves(axes)[before:]} == {hue}
+
+    def test_the_title_speaks_of_no_single_run(self, draw, three):
+        axes = Figure().subplots()
+        titles = []
+        for run in three.values():
+            draw(run, ax=axes)
+            titles.append(axes.get_title(loc="left"))
+        assert titles[1] == titles[2] == titles[0].partition(" (")[0] or draw is deli.plotting.trajectory
+        assert not any(character.isdigit() for character in titles[1]) or draw is deli.plotting.trajectory
+
+    def test_the_longest_run_is_on_the_axes(self, draw, three):
+        axes = Figure().subplots()
+        for run in three.values():
+            draw(run, ax=axes)
+        if draw is not deli.plotting.trajectory:
+            assert axes.get_xlim() == (0.0, 8.0)
+
+    @pytest.mark.parametrize(("argument", "value"), [("label", 3), ("color", "no such colour"), ("color", "")])
+    def test_what_is_no_label_and_no_colour_is_refused(self, draw, three, argument, value):
+        with pytest.raises(InputError, match=f"{argument}: found {value!r}; pass a "):
+            draw(three["run 40"], **{argument: value})
+
+
+def test_colours_are_taken_in_their_order(three):
+    axes = Figure().subplots()
+    for run in three.values():
+        deli.plotting.energy(run, ax=axes)
+    assert tuple(line.get_color() for line in curves(axes)) == COLORS[:3]
+
+
+def test_a_panel_that_had_nothing_to_draw_shows_the_next_run():
+    still = deli.Scene(mass=1.0, position=[0.0], momentum=[0.0], dimension=1, name="still")
+    moving = deli.simulate(deli.scenes.lennard_jones(), deli.GVI(), step_size=0.01, steps=30)
+    axes = Figure().subplots()
+    deli.plotting.momenta(deli.simulate(still, deli.GVI(), step_size=0.01, steps=30), ax=axes, label="still")
+    assert [text.get_text() for text in axes.texts] == ["none: conserved to the last bit"]
+    deli.plotting.momenta(moving, ax=axes, label="moving")
+    assert not axes.texts
+    assert axes.get_yscale() == "log"
+    assert len(axes.get_yticks())
+
+
+def test_wide_lines_lie_under_narrow_ones():
+    run = deli.simulate(deli.scenes.newtons_cradle(), deli.GVI(), step_size=0.01, steps=300)
+    lines = deli.plotting.momenta(run).axes[0].lines
+    widths = [np.ptp(line.get_ydata()) for line in sorted(lines, key=lambda line: line.get_zorder())]
+    assert widths == sorted(widths, reverse=True)
 
 
 def test_a_custom_scene_is_drawn_with_its_walls_when_given():
@@ -194,3 +286,14 @@ def test_the_largest_numbers_are_drawn(tmp_path):
     run["solver_stats"]["primal_residual"].values[3] = 1e307
     deli.plotting.save(run, tmp_path / "run.png")
     assert (tmp_path / "run.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("scene", [deli.scenes.point_mass(), deli.scenes.spring_sphere()], ids=lambda scene: scene.name)
+def test_worst_is_said_of_what_penetrated(scene):
+    run = deli.simulate(scene, deli.GVI(), step_size=0.01, steps=60)
+    for shift in (0.0, 1.0 - float(run["trajectory"]["gap_min"].min())):
+        run["trajectory"]["gap_min"].values[:] += shift
+        least = float(run["trajectory"]["gap_min"].min())
+        title = deli.plotting.gaps(run).axes[0].get_title(loc="left")
+        assert ("worst -" in title) == (least < 0.0)
+        assert ("nothing penetrates" in title) == (least >= 0.0)

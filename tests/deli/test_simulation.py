@@ -187,10 +187,11 @@ class TestRun:
 
     def test_a_changed_scene_is_recorded_as_custom(self, scene):
         changed = dataclasses.replace(scene, mass=2.0)
-        config = tomllib.loads(deli.simulate(changed, deli.GVI(), step_size=H, steps=1).attrs["config"])
-        assert config["scene"]["name"] == "custom"
-        assert config["scene"]["mass"] == [2.0] * 6
-        assert config["scene"]["position"] == scene.position.tolist()
+        attributes = deli.simulate(changed, deli.GVI(), step_size=H, steps=1).attrs
+        assert tomllib.loads(attributes["config"])["scene"] == {"name": "custom", "label": "newtons_cradle"}
+        content = tomllib.loads(attributes["scene"])
+        assert content["mass"] == [2.0] * 6
+        assert content["position"] == scene.position.tolist()
 
     def test_progress_prints_nothing_without_a_terminal(self, scene, capsys):
         deli.simulate(scene, deli.GVI(), step_size=H, steps=5, progress=True)

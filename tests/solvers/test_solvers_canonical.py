@@ -229,7 +229,7 @@ def refused():
     p = cp.Parameter(2, name="p")
     square = cp.Minimize(cp.sum_squares(v))
     yield "not DPP", cp.Problem(cp.Minimize(cp.quad_form(v - p, np.eye(2))), []), "parametrized quadratic program"
-    yield "cone", cp.Problem(cp.Minimize(cp.norm2(v)), []), "parametrized quadratic program"
+    yield "cone", cp.Problem(cp.Minimize(cp.norm2(v)), []), "second-order cone"
     yield "not convex", cp.Problem(cp.Maximize(cp.sum_squares(v)), []), "parametrized quadratic program"
     yield "integer", cp.Problem(cp.Minimize(cp.Variable(name="i", integer=True)), []), "."
     twice = [v >= cp.Parameter(2, name="p"), v <= p]

@@ -1,5 +1,8 @@
 """The compiled path offered to people who call problem.solve."""
 
+import gc
+import weakref
+
 import cvxpy as cp
 import numpy as np
 import pytest
@@ -71,3 +74,40 @@ def test_failures_are_raised_as_cvxpy_does():
     assign(model, PROBLEM)
     with pytest.raises(cp.SolverError, match="daqp ended with iteration_limit"):
         model.solve(method="compiled", backend="daqp", iter_limit=1)
+
+
+def test_stats_are_those_of_the_solver_used():
+    model = PROBLEM.model()
+    assign(model, PROBLEM)
+    model.solve(solver="CLARABEL")
+    for backend in ("daqp", "osqp", "auto"):
+        model.solve(method="compiled", backend=backend)
+        stats, solution = model.solver_stats, model.solver_stats.extra_stats
+        assert stats.solver_name == solution.backend == ("native" if backend == "auto" else backend)
+        assert (stats.solve_time, stats.setup_time) == (solution.solve_time, solution.setup_time)
+        assert stats.num_iters == solution.iterations
+        assert stats.solve_time > 0.0
+        assert model.value == pytest.approx(solution.objective, abs=1e-12)
+    model.solve(solver="OSQP")
+    assert model.solver_stats.solver_name == "OSQP"
+
+
+@pytest.mark.parametrize("backend", ["auto", "daqp", "clarabel", "cvxpy:OSQP"])
+def test_problems_are_freed_with_all_that_was_compiled(backend, monkeypatch):
+    compiled = []
+
+    def compile_and_look(*arguments, **keywords):
+        found = solvers.compile(*arguments, **keywords)
+        compiled.append(weakref.ref(found._map.theta))
+        return found
+
+    monkeypatch.setattr("solvers.method.compile", compile_and_look)
+    problems = []
+    for _ in range(3):
+        model = PROBLEM.model()
+        assign(model, PROBLEM)
+        model.solve(method="compiled", backend=backend)
+        problems.append(weakref.ref(model))
+    del model
+    gc.collect()
+    assert [ref() for ref in (*problems, *compiled)] == [None] * 6

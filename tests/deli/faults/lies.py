@@ -164,12 +164,26 @@ def infeasible(program, answer, before):
     return answer._replace(claimed=Status.INFEASIBLE)
 
 
+def unbounded(program, answer, before):
+    return answer._replace(claimed=Status.UNBOUNDED)
+
+
+def contradicted(program, answer, before):
+    """With multipliers that would contradict the rows if they cancelled."""
+    return Answer(np.full(program.variables, np.nan), np.ones(program.rows), Status.INFEASIBLE, 1, "no way")
+
+
+def endless(program, answer, before):
+    """With a direction in which forces push without end, if nothing stood in the way."""
+    return Answer(-1e20 * program.linear, np.zeros(program.rows), Status.UNBOUNDED, 1, "no end")
+
+
 LIES = {
     lie.__name__: lying(lie)
     for lie in (
         noise, zeros, wish, wrong_multipliers, negative_multipliers, wrong_sign, not_a_number, infinite, huge,
         too_short, too_long, a_column, integers, complex_numbers, objects, words, stale, tampering, single_precision,
-        nothing, unheard_of, uncounted, hopeless, infeasible,
+        nothing, unheard_of, uncounted, hopeless, infeasible, unbounded, contradicted, endless,
     )
 }  # fmt: skip
 

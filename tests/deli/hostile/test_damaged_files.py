@@ -155,6 +155,7 @@ CRAFTED = {
     "no title": (lambda data: data.delncattr("title"), "attribute title is None"),
     "a number for an outcome": (say("outcome", 3), "attribute outcome is 3"),
     "other axes": (say("conserved_linear_momentum", "q"), "conserved_linear_momentum is 'q'"),
+    "other components": (say("undecided_momenta", "q_x"), "undecided_momenta is 'q_x'"),
     "no positions": (rename("trajectory", "position"), "trajectory/position is missing"),
     "no steps": (rename("solver_stats", "step"), "solver_stats/step is missing"),
     "no status": (rename("solver_stats", "status"), "solver_stats/status is missing"),

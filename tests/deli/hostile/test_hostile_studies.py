@@ -18,6 +18,7 @@ FEW = 2  # values of an axis that are kept of a shipped study
 EVERYTHING = """
 title = "All that a study can say"
 workers = 1
+time_steps = true
 [base]
 scene = { name = "newtons_cradle", balls = 2 }
 step_size = 0.01

@@ -1,4 +1,4 @@
-"""A closed loop leaves no violation, at the forward predictor's energy band and drift; see docs/closed_loop.md."""
+"""A closed loop leaves no violation, at the energy band and drift of the forward predictor (docs/explanation)."""
 
 import dataclasses
 from random import Random

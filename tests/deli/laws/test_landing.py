@@ -1,4 +1,4 @@
-"""A contact that lands keeps its gap for a step, and the energy along its gradient; see docs/closed_loop.md."""
+"""A contact that lands keeps its gap for a step, and the energy along its gradient (docs/explanation)."""
 
 import numpy as np
 import pytest

@@ -109,13 +109,21 @@ def pushed_aside() -> list[deli.Scene]:
 
 @pytest.mark.parametrize(
     "method",
-    [deli.GVI(), deli.GVI(predictor="closed_loop"), deli.Collision(), deli.NonsmoothAlpha()],
-    ids=["forward", "closed_loop", "events", "generalized_alpha"],
+    [
+        deli.GVI(),
+        deli.GVI(predictor="closed_loop"),
+        deli.Collision(),
+        deli.NonsmoothAlpha(),
+        deli.MoreauJean(),
+        deli.Newmark(),
+        deli.Direct("midpoint"),
+    ],
+    ids=["forward", "closed_loop", "events", "generalized_alpha", "moreau_jean", "newmark", "midpoint"],
 )
 def test_what_was_counted_before_a_step_that_is_taken_again_is_kept(method: object) -> None:
     """The second step outruns the search, and all are counted in one row."""
-    alpha = isinstance(method, deli.NonsmoothAlpha)
-    scenes, step_size = (pushed_aside(), 0.005) if alpha else (struck_rows(1.0, 0.11), 0.1)
+    reflects = isinstance(method, deli.GVI | deli.Collision)
+    scenes, step_size = (struck_rows(1.0, 0.11), 0.1) if reflects else (pushed_aside(), 0.005)
     assert [scene.unilateral.searched for scene in scenes] == [True, False]
     found, known = (
         deli.simulate(scene, method, step_size=step_size, steps=4, every=4, solvers="daqp")["solver_stats"]

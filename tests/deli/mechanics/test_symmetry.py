@@ -7,7 +7,7 @@ from mechanics_cases import DIMENSIONS, POTENTIALS, configurations, layout, spre
 from deli import scenes
 from deli.mechanics.potentials import RadialPowers
 from deli.mechanics.scene import Scene
-from deli.mechanics.symmetry import angular_momentum, conserved, linear_momentum
+from deli.mechanics.symmetry import angular_momentum, linear_momentum
 
 SETTINGS = settings(max_examples=15, deadline=None)
 
@@ -28,7 +28,7 @@ def rates(scene, q, p):
 
 
 def check_components(scene, q, p):
-    flags = conserved(scene)
+    flags = scene.symmetry
     found = np.abs(rates(scene, q, p))
     for component, kept in enumerate([*flags.linear, *flags.angular]):
         if kept:

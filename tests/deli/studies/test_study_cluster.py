@@ -77,4 +77,4 @@ def test_a_missing_extra_is_named(folder):
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert found.returncode == 2
-    assert "pip install 'deli[distributed]'" in found.stderr
+    assert "pip install '.[distributed]'" in found.stderr

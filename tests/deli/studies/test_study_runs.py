@@ -106,8 +106,12 @@ def test_a_failing_case_stops_no_other(folder):
     (folder / "fails.toml").write_text(_toml(table))
     result = call("study", "fails.toml", "-o", "out", "--workers", "1")
     assert result.exit_code == RUN_FAILED, result.output
-    assert "case = direct: failed: failed in step" in result.stderr
-    assert "1 of 2 runs in out are not done. --retry-failed" in result.stderr
+    assert "failed in step" in result.stdout
+    assert result.stderr == "deli: 1 of 2 runs in out are not done. --retry-failed runs them again.\n"
+    for arguments in ((), ("-q",), ("-q", "--retry-failed"), ("--retry-failed",)):  # told once, however it is called
+        again = call("study", "fails.toml", "-o", "out", "--workers", "1", *arguments)
+        assert again.output.count("failed in step") == 1
+        assert ("case = direct: failed: failed in step" in again.stderr) == (arguments != ("--retry-failed",))
     found = deli.open_study("out")
     assert found.state.sel(case=["direct", "gvi"]).values.tolist() == ["failed", "done"]
     assert found.outcome.sel(case="direct").item().startswith("failed in step")

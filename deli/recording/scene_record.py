@@ -1,0 +1,103 @@
+"""Record of a scene in a run's attributes, and whether a run that goes on is of the same scene.
+
+The attribute ``scene`` is the scene's content as TOML, see `deli.mechanics.content.scene_content`, and ``scene_digest``
+one digest of all that decides the motion.
+"""
+
+import logging
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import tomli_w
+
+from deli.errors import InputError
+from deli.mechanics.content import differences, sampled, scene_content, scene_digest
+from deli.mechanics.scene import Scene
+from deli.recording.schema import TRAJECTORY
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SCENE, DIGEST = "scene", "scene_digest"
+MOST_NAMED = 5
+DIGITS = 12
+
+logger = logging.getLogger("deli")
+
+
+def scene_attributes(scene: Scene) -> dict[str, str]:
+    """Root attributes that say which scene a run is of."""
+    content = scene_content(scene)
+    functions = ", ".join(sampled(content))
+    note = f"# {functions}: functions in Python, of which samples are recorded, and compared when a run goes on.\n"
+    return {SCENE: (note if functions else "") + tomli_w.dumps(content), DIGEST: scene_digest(scene)}
+
+
+def differing(attributes: Mapping[Any, Any], scene: Scene) -> list[str] | None:
+    """Say in what a scene differs from that of a run with these attributes; None where those do not describe one.
+
+    Functions in Python are compared by their samples.
+    """
+    try:
+        return differences(tomllib.loads(attributes[SCENE]), scene_content(scene))
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
+        return None
+
+
+def require_scene_of(run: "xr.DataTree", scene: Scene) -> None:
+    """Refuse a scene that is not the run's: one of another size or of another digest.
+
+    Of a run without a digest, such as a member of an ensemble, only the size is known.
+
+    Raises
+    ------
+    InputError
+        Naming both scenes, and where they differ.
+    """
+    described, sizes = tomllib.loads(run.attrs["config"])["scene"], run.children[TRAJECTORY].sizes
+    digest, recorded = scene_digest(scene), run.attrs.get(DIGEST)
+    found = _size(scene.bodies, scene.dimension)
+    due = _size(sizes["dof"] // sizes["axis"], sizes["axis"])
+    if found == due:
+        if recorded in (None, digest):
+            return
+        found, due = f"digest {digest[:DIGITS]}", f"digest {recorded[:DIGITS]}"
+    differences = "; ".join((differing(run.attrs, scene) or [])[:MOST_NAMED])
+    where = f" Compared with the run: {differences}." if differences else ""
+    raise InputError(
+        f"scene: found {scene.name!r} ({found}); the run is of {described.get('label', described['name'])!r} ({due})."
+        f"{where} Pass the scene that was run."
+    )
+
+
+def _size(bodies: int, dimension: int) -> str:
+    return f"{bodies} {'body' if bodies == 1 else 'bodies'} in {dimension} dimension{'s' * (dimension > 1)}"
+
+
+def require_same_scene(attributes: Mapping[Any, Any], scene: Scene, path: Path) -> None:
+    """Refuse to go on with another scene than the file's; warn of functions, of which only samples are known.
+
+    Raises
+    ------
+    InputError
+        Naming the arrays and the families that differ.
+    """
+    found = differing(attributes, scene)
+    if found is None:
+        raise InputError(
+            f"{path} cannot be resumed: its attribute {SCENE} is missing or describes no scene, so nobody knows which "
+            "it is of. Overwrite it, or name another output."
+        )
+    if found:
+        more = f"; and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+        raise InputError(
+            f"{path} cannot be resumed, its scene is another: {'; '.join(found[:MOST_NAMED])}{more}. Use the same "
+            "scene, overwrite it, or name another output."
+        )
+    functions = sampled(scene_content(scene))
+    if functions:
+        logger.warning(
+            "%s goes on with %s: functions in Python, of which only samples were compared", path, ", ".join(functions)
+        )

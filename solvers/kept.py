@@ -1,0 +1,162 @@
+"""Compiled code that is kept on disk: where numba keeps it, or in a temporary folder where it cannot."""
+
+import logging
+import os
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from numba import njit
+from numba.core import config
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    NullCache,
+    UserProvidedCacheLocator,
+    UserWideCacheLocator,
+)
+from numba.core.ccallback import CFunc
+from numba.core.sigutils import normalize_signature
+
+from solvers.code_folder import SETTING, SHARED
+
+logger = logging.getLogger("solvers")
+
+
+def kept(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Compile the decorated function at its first call from Python, or load it from disk; see `numba.njit`."""
+
+    def build(function: Callable[..., Any]) -> Any:
+        dispatcher = njit(**options)(function)
+        dispatcher._cache = cache_of(function)
+        return dispatcher
+
+    return build
+
+
+def kept_callback(function: Callable[..., Any], signature: Any, pipeline: Any, **options: Any) -> Any:
+    """Compile a function for calls by its address, or load it from disk; see `numba.cfunc`."""
+    callback: Any = CFunc(function, normalize_signature(signature), {}, options, pipeline_class=pipeline)
+    callback._cache = cache_of(function)
+    callback.compile()
+    return callback
+
+
+def cache_of(function: Callable[..., Any]) -> Any:
+    """Return where the code of a function is kept; its `cache_path` is None where that is nowhere."""
+    try:
+        return _Cache(function)
+    except RuntimeError:  # numba's word for it
+        return NullCache()
+
+
+def find_room(function: Callable[..., Any], size: int) -> Path | None:
+    """Return the folder where the code of a function is kept, once it has been found to hold so many bytes."""
+    cache = cache_of(function)
+    if cache.cache_path is None:
+        return None
+    try:
+        _fill(cache.cache_path, size)
+    except OSError as error:
+        if isinstance(cache.locator, _Shared):
+            return None
+        _go_apart(f"{cache.cache_path} has no room for compiled code ({error.strerror})")
+        return find_room(function, size)
+    return Path(cache.cache_path)
+
+
+def _fill(folder: str, size: int) -> None:
+    os.makedirs(folder, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder) as file:
+        file.write(os.urandom(size))  # what does not become smaller where a file system compresses
+
+
+class _Shared(UserWideCacheLocator):
+    """The temporary folder, where this process or another of its family has made it."""
+
+    def __init__(self, function: Callable[..., Any], file: str) -> None:
+        super().__init__(function, file)
+        self._cache_path = os.path.join(os.environ[SHARED], self.get_suitable_cache_subpath(file))
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], file: str) -> Any:
+        return super().from_function(function, file) if os.path.isdir(os.environ[SHARED]) else None
+
+
+class _Temporary(_Shared):
+    """The last resort, which is made at need."""
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], file: str) -> Any:
+        _go_apart(f"{_setting()} cannot be written to" if config.CACHE_DIR else "no folder can be written to")
+        return super().from_function(function, file)
+
+
+class _Places(CompileResultCacheImpl):
+    _locator_classes = [_Shared, *CompileResultCacheImpl._locator_classes, _Temporary]  # noqa: RUF012
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        if config.CACHE_DIR and not isinstance(self.locator, UserProvidedCacheLocator | _Shared):
+            _tell(f"{_setting()} cannot be written to: compiled code is kept in {self.locator.get_cache_path()}")
+            os.environ.pop(SETTING, None)  # the children's word would be the same
+            config.CACHE_DIR = ""
+
+
+class _Cache(FunctionCache):
+    """Numba's, which goes to the temporary folder where a file cannot be read or written."""
+
+    _impl_class = _Places
+
+    @property
+    def locator(self) -> Any:
+        return self._impl.locator
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        try:
+            return super().load_overload(signature, context)
+        except OSError as error:
+            self._leave("read", error)
+            return None
+
+    def save_overload(self, signature: Any, code: Any) -> None:
+        try:
+            super().save_overload(signature, code)
+        except OSError as error:
+            if self._leave("written", error):
+                self.save_overload(signature, code)
+
+    def _leave(self, verb: str, error: OSError) -> bool:
+        """Go to the temporary folder, if there is one and this is another; keep nothing else."""
+        if not isinstance(self.locator, _Shared):
+            _go_apart(f"a file in {self.cache_path} cannot be {verb} ({error.strerror})")
+            if os.path.isdir(os.environ[SHARED]):
+                super().__init__(self._py_func)
+                return True
+        self.disable()
+        return False
+
+
+def _setting() -> str:
+    return f"{SETTING} is {config.CACHE_DIR}, which"
+
+
+def _go_apart(why: str) -> None:
+    """Make the temporary folder, and say so."""
+    try:
+        os.mkdir(os.environ[SHARED], 0o700)
+    except FileExistsError:
+        return
+    except OSError:
+        place = "memory only, as there is no temporary folder either"
+    else:
+        place = "a temporary folder until this process ends"
+    _tell(f"{why}: compiled code is in {place}; set {SETTING} to a folder that can keep it")
+
+
+@cache
+def _tell(message: str) -> None:
+    """Say something once."""
+    logger.warning(message)
