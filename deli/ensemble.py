@@ -43,7 +43,7 @@ def simulate_ensemble(
 ) -> xr.DataTree:
     """Integrate many scenes by one method, and record all runs together.
 
-    Each member's rows are those that `simulate` returns for its scene, to the bit, for any number of workers. Members
+    Each member's rows equal the rows of `simulate` for its scene, to the bit, for any number of workers. Members
     run in threads: compiled steps and the native solver use all cores. Functions in Python (`deli.Potential`,
     `deli.Constraints`) and the solvers of other packages run one at a time.
 

@@ -199,7 +199,7 @@ def load_subproblem(path: str | os.PathLike[str], index: int) -> "cp.Problem":
     Raises
     ------
     InputError
-        If the file has no subproblems, or none of that index.
+        If the file has no subproblems, or no subproblem of that index.
 
     Examples
     --------

@@ -10,7 +10,7 @@ class Damaged(InputError):
     """A file with contents that deli does not write; `what` names the fault."""
 
     def __init__(self, path: Path, what: str) -> None:
-        super().__init__(f"{path} is damaged: {what}. Run it again; --overwrite starts anew.")
+        super().__init__(f"{path} is damaged: {what}. Repeat the run; --overwrite starts anew.")
         self.what = what
 
 

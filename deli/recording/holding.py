@@ -27,7 +27,7 @@ class Busy(InputError):
 
 @contextmanager
 def recording(path: Path, what: str) -> Iterator[None]:
-    """Turn a failure to write `what` into an error that says so, and that committed rows are safe."""
+    """Raise a failed write as an error that names its object, `what`, and says that committed rows are safe."""
     try:
         yield
     except (OSError, RuntimeError) as error:

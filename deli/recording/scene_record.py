@@ -31,7 +31,7 @@ def scene_attributes(scene: Scene) -> dict[str, str]:
     """Return the root attributes that describe the scene of a run."""
     content = scene_content(scene)
     functions = ", ".join(sampled(content))
-    note = f"# {functions}: functions in Python, of which samples are recorded, and compared when a run goes on.\n"
+    note = f"# {functions}: functions in Python; samples of them are recorded, and compared when a run is resumed.\n"
     return {SCENE: (note if functions else "") + tomli_w.dumps(content), DIGEST: scene_digest(scene)}
 
 
@@ -98,6 +98,4 @@ def require_same_scene(attributes: Mapping[Any, Any], scene: Scene, path: Path) 
         )
     functions = sampled(scene_content(scene))
     if functions:
-        logger.warning(
-            "%s goes on with %s: functions in Python, of which only samples were compared", path, ", ".join(functions)
-        )
+        logger.warning("%s goes on with %s: functions in Python, compared by samples only", path, ", ".join(functions))

@@ -204,7 +204,7 @@ def coordinates(group: str) -> tuple[str, ...]:
 
 def build_tree(groups: Groups, attributes: Mapping[str, Any]) -> "xr.DataTree":
     """Return variables and root attributes as the tree that users get."""
-    import xarray as xr  # takes half a second, which uses of other names here do without
+    import xarray as xr  # takes half a second, and most of this module needs none
 
     datasets = {"/": xr.Dataset(attrs=dict(attributes))}
     for group, variables in groups.items():

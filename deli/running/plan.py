@@ -146,7 +146,8 @@ def make_plan(
 
 def _require_room(plan: Plan) -> None:
     """Refuse rows that do not fit into memory, where a finished run is read, or onto the disk."""
-    what = f"steps {plan.steps:,} and every {plan.every:,} make {plan.rows:,} rows, dof = {plan.scene.dof:,}"
+    system = f"{plan.scene.dof:,} degrees of freedom"
+    what = f"steps {plan.steps:,} and every {plan.every:,} make {plan.rows:,} rows of {system}"
     remedy = "record fewer (a larger record.every), or take fewer steps"
     in_memory = plan.size if plan.output is not None else 2 * plan.size  # blocks of rows, and then the whole
     require_memory(what, in_memory, remedy)
