@@ -125,7 +125,7 @@ def __getattr__(name: str) -> Any:
     if name in _MODULES:
         return import_module(f"deli.{name}")
     if name in _HOME:
-        # Kept, for importing deli.reflect has put the module where the function belongs.
+        # Kept here, because the import of deli.reflect puts the module in the place of the function.
         value = globals()[name] = getattr(import_module(_HOME[name]), name)
         return value
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""Run many scenes of one kind at once, in threads, and record them together."""
+"""Simulation of many scenes of one kind at once, in threads, and their common record."""
 
 import logging
 import os
@@ -43,49 +43,65 @@ def simulate_ensemble(
 ) -> xr.DataTree:
     """Integrate many scenes by one method, and record all runs together.
 
-    Each member's rows are those of `simulate` of its scene, to the bit, whatever the number of workers. Members run
-    in threads: compiled steps and the native solver use all cores, while functions in Python (`deli.Potential`,
+    Each member's rows equal the rows of `simulate` for its scene, to the bit, for any number of workers. Members
+    run in threads: compiled steps and the native solver use all cores. Functions in Python (`deli.Potential`,
     `deli.Constraints`) and the solvers of other packages run one at a time.
 
     Parameters
     ----------
     scenes : sequence of deli.Scene
-        The members, of equal dimension and number of bodies; cheapest as variants of one scene:
+        The members, of equal dimension and number of bodies. Variants of one scene are the cheapest:
         ``[dataclasses.replace(scene, momentum=p) for p in momenta]``.
     method, step_size, steps, duration, solvers, every, skip, contact_tolerance
         As for `simulate`, the same for all members.
     labels : mapping
-        What tells the members apart, by name: arrays with a value for each, which become coordinates along
-        ``member``. One called ``member`` takes the place of the numbers 0, 1, ...
+        Values that distinguish the members, by name: arrays with one value for each member, which become coordinates
+        along ``member``. A label of the name ``member`` replaces the numbers 0, 1, ...
     solver_stats : bool
-        Record the group ``solver_stats``, which takes most of the room where scenes are small.
+        Record the group ``solver_stats``, which takes most of the memory where scenes are small.
     workers : int
-        Threads; as many as there are cores for this process if left out.
+        Number of threads; by default, the number of cores that this process may use.
     progress : bool
         Show a bar, on a terminal or in a notebook.
     output : path, optional
-        A netCDF file to write once at the end, to be opened by `deli.open_run`.
+        A netCDF file, which is written at the end; `deli.open_run` opens it.
     overwrite : bool
-        Replace `output` where it exists.
+        Replace an existing `output`.
 
     Returns
     -------
     xarray.DataTree
-        Groups ``trajectory`` and ``solver_stats`` as of `simulate`, with ``member`` as the first dimension of all that
-        is recorded; ``time`` and ``step`` are common to all. At the root, ``outcome(member)`` is what a run's outcome
-        would be, ``steps_taken(member)`` counts its steps, and attributes are those of a run: the config's scene is
-        what members have in common, and so are conserved momenta. A member that fails does not stop the others; from
-        there on its rows are nan, of status ``not_used`` and count nothing, and its last good state is recorded only
-        if a row was due. Metrics and plots take all of it, and ``run.isel(member=0)`` as they take a run.
+        Groups ``trajectory`` and ``solver_stats`` as of `simulate`, with ``member`` as the first dimension of all
+        recorded variables; ``time`` and ``step`` are common to all members. At the root, ``outcome(member)`` is the
+        outcome of each member, and ``steps_taken(member)`` counts its steps. Attributes are those of a run; its scene
+        and conserved momenta are those that all members have in common. A member that fails does not stop the others.
+        After the failure its rows are nan, with status ``not_used`` and counts of zero, and its last good state
+        is recorded only if a row was due. Metrics and plots take the whole tree, or ``run.isel(member=0)`` as a run.
 
     Raises
     ------
     InputError
         If an argument is not allowed, or the rows need more memory than there is. Nothing has been computed then.
     Interrupted
-        On SIGINT or SIGTERM (a KeyboardInterrupt). Its `run` holds what has been computed, and so does `output`;
-        members that had not ended have an outcome that says so. One whose step has not ended five seconds later, or
-        at a second signal, is left to itself.
+        On SIGINT or SIGTERM (it is a KeyboardInterrupt). Its `run` holds all computed rows, and so does `output`; the
+        outcome of an unfinished member says so. A member whose step has not ended after five seconds, or at a second
+        signal, is abandoned.
+
+    Examples
+    --------
+    Three pogo sticks with other initial momenta:
+
+    >>> import dataclasses
+    >>> import deli
+    >>> scene = deli.scenes.pogo_stick()
+    >>> scenes = [dataclasses.replace(scene, momentum=[p, p]) for p in (0.0, 1.0, 2.0)]
+    >>> run = deli.simulate_ensemble(scenes, deli.GVI(), step_size=0.01, steps=100, labels={"p": [0.0, 1.0, 2.0]})
+    >>> run.trajectory["position"].sizes
+    Frozen({'member': 3, 'time': 101, 'dof': 2})
+    >>> run["outcome"].values.tolist()
+    ['complete', 'complete', 'complete']
+    >>> run.trajectory["hamiltonian"][:, 0].round(3).values.tolist()
+    [68.6, 69.6, 72.6]
     """
     began, members = time.perf_counter(), _check_scenes(scenes)
     arguments = {"step_size": step_size, "steps": steps, "duration": duration, "solvers": solvers, "every": every}
@@ -164,7 +180,7 @@ def _label(scenes: list[Scene]) -> str:
 
 
 def _attributes(plan: Plan, scenes: list[Scene], solver_stats: bool) -> dict[str, Any]:
-    """Root attributes that are known at the start."""
+    """Return the root attributes that are known at the start."""
     first, config = scenes[0], plan.config()
     common = {name: getattr(first, name) for name in ("mass", "position", "momentum") if ensemble.same(scenes, name)}
     states = ("mass", "position", "momentum")
@@ -189,7 +205,7 @@ def _attributes(plan: Plan, scenes: list[Scene], solver_stats: bool) -> dict[str
 
 
 def _conserved_momenta(scenes: list[Scene]) -> dict[str, str]:
-    """Components of the momenta that all members conserve."""
+    """Return the components of the momenta that all members conserve."""
     systems = {(id(one.potential), id(one.unilateral), id(one.bilateral), one.mass.tobytes()): one for one in scenes}
     found: dict[str, str] = {}
     for scene in systems.values():

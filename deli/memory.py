@@ -1,4 +1,4 @@
-"""Whether what is asked for fits into this machine, before it is begun."""
+"""Checks that work fits into the memory and onto the disk of this machine, before it begins."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ except ImportError:  # Windows limits no address space
 
 
 def available_memory() -> int:
-    """Bytes that this process can have without swapping, and under its own limit if it has one."""
+    """Return the bytes that this process can take without swapping, and under its own limit if it has one."""
     free = int(psutil.virtual_memory().available)
     if resource is None:
         return free
@@ -22,32 +22,32 @@ def available_memory() -> int:
 
 
 def require_memory(what: str, needed: float, remedy: str) -> None:
-    """Refuse what needs more memory than there is.
+    """Refuse work that needs more memory than is free.
 
     Parameters
     ----------
     what : str
-        What was asked for, as the beginning of a sentence.
+        The work, as the beginning of a sentence.
     needed : float
         The estimate in bytes.
     remedy : str
-        What to do instead.
+        An alternative, as the end of the sentence.
 
     Raises
     ------
     InputError
-        With all of this.
+        If the estimate exceeds the free memory; the message states both, and the remedy.
     """
     _require(what, needed, available_memory(), "of memory", remedy)
 
 
 def require_disk(what: str, needed: float, folder: Path, remedy: str) -> None:
-    """Refuse what needs more space than the disk of a folder has, see `require_memory`."""
+    """Refuse work that needs more space than is free on the disk of a folder, see `require_memory`."""
     _require(what, needed, psutil.disk_usage(str(folder)).free, "on the disk", remedy)
 
 
 def in_words(size: float) -> str:
-    """A number of bytes in MB or GB."""
+    """Return a number of bytes in MB or GB."""
     return f"{size / 1e6:.3g} MB" if size < 1e9 else f"{size / 1e9:.3g} GB"
 
 

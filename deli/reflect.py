@@ -1,4 +1,4 @@
-"""One reflection, without a step around it."""
+"""A reflection without a step around it."""
 
 import numpy as np
 
@@ -34,9 +34,9 @@ def reflect(
         State, flat (dof,) or (bodies, dimension). It need not be the scene's initial state.
     operator : {"generalized", "moreau", "sequential"}
     energy : {"hamiltonian", "numerical", "shadow2", "shadow4", "shadow6", "shadow8"}
-        What is conserved, see `deli.GVI`; all but H belong to a `scheme` and a `step_size`.
+        The conserved energy, see `deli.GVI`; all but H depend on `scheme` and `step_size`.
     order : {"index", "fastest"}
-        Which contact ``"sequential"`` takes next, see `deli.GVI`.
+        The choice of the next contact by ``"sequential"``, see `deli.GVI`.
     scheme, step_size
         Not used with ``energy="hamiltonian"``.
     solvers, skip, contact_tolerance
@@ -50,10 +50,19 @@ def reflect(
     Raises
     ------
     InputError
-        For an unknown name, an order that the operator has not, a state of the wrong length or not finite, or a
-        energy other than H without a step size.
+        For an unknown name, an `order` that the operator does not take, a state of the wrong length or not finite, or
+        an energy other than H without a step size.
     StepError
-        If the reflection does not end or a solver fails.
+        If the reflection does not end, or a solver fails.
+
+    Examples
+    --------
+    The lower mass of a pogo stick hits the floor, and leaves it with the opposite momentum:
+
+    >>> import deli
+    >>> from deli.reflect import reflect
+    >>> reflect(deli.scenes.pogo_stick(), position=[5.0, 0.0], momentum=[-1.0, -2.0]).round(9)
+    array([-1.,  2.])
     """
     if energy not in ENERGIES:
         raise InputError(f"reflect: energy {energy!r} is unknown; allowed: {', '.join(ENERGIES)}.")
@@ -65,7 +74,7 @@ def reflect(
                 f"the scene has {scene.dof} degrees of freedom and needs that many finite numbers."
             )
     if energy != "hamiltonian" and step_size is None:
-        raise InputError(f"reflect: energy={energy!r} needs a step_size, since that energy depends on it.")
+        raise InputError(f"reflect: energy={energy!r} needs a step_size, because that energy depends on it.")
     stepper = GVI(scheme=scheme, reflection=operator, energy=energy, order=order).stepper(
         scene, 1.0 if step_size is None else step_size, solvers, skip, contact_tolerance
     )

@@ -1,4 +1,4 @@
-"""Run a method on a scene and record it; open what was recorded."""
+"""Simulation of a scene by a method, and opening of recorded runs and subproblems."""
 
 import logging
 import os
@@ -57,48 +57,73 @@ def simulate(
     solvers : str or mapping
         A backend, a table ``{backend, tolerance, polish, warm_start, options}``, or a table of these by subproblem.
     output : path, optional
-        A netCDF file to record to. Rows are in ``<output>.partial`` until the run ends, at most a second of work (ten
-        seconds where 256 rows take longer) behind it; then the file gets its own name. Without `output` the run is
-        kept in memory, which all platforms can; files take POSIX locks.
+        A netCDF file to record to. Until the run ends, its rows are in ``<output>.partial``, which is at most a second
+        of work behind the run (ten seconds where 256 rows take longer than a second). Then the file is renamed to
+        `output`. Files need POSIX locks. Without `output` the run is kept in memory, on all platforms.
     every : int
         Record the initial state, every `every`-th step, and the last step whether or not `every` divides `steps`.
     skip : bool
-        Answer subproblems that need no solver without one. Where that leaves a solver that was chosen with nothing
-        to do, a warning is logged (`deli.metrics.uncalled_note`).
+        Answer subproblems that need no solver without one. If a solver that was chosen is then never called, a warning
+        is logged (`deli.metrics.uncalled_note`).
     resume : bool
-        Continue ``<output>.partial`` after its last committed row, to the bit as if it had not stopped; with warm
-        starts to the solvers' tolerance. Starts anew where there is no such file, returns the run where it is finished,
-        refuses another configuration and another scene, naming the family and the array that differ. Of functions in
-        Python only values and derivatives at some states near the initial one are compared, and a log line says so.
+        Continue ``<output>.partial`` after its last committed row. The rows are those of a run without a stop, to the
+        bit, or with warm starts to the solvers' tolerance. Without a partial file the run starts anew; a finished
+        `output` is returned. Another configuration is refused, and so is another scene: the message names the family
+        and the array that differ. Functions in Python are compared by values and derivatives at some states near the
+        initial one, and a log line says so.
     progress : bool
         Show a bar, on a terminal or in a notebook.
     contact_tolerance : float
-        Scaled tolerance of "the gap is zero".
+        Scaled tolerance within which a gap counts as zero.
     overwrite : bool
-        Replace `output`, and drop its partial file, where they exist.
+        Replace an existing `output`, and drop its partial file.
     subproblems : bool or int
-        Also record the subproblems that solvers get, with their answers, in a group ``subproblems``: the first so many,
-        10,000 if True, until they take 256 MB. What `skip` answers without a solver is none of them. The trajectory
-        is the same to the bit. `deli.replay` solves them again, `deli.load_subproblem` returns one as a cvxpy problem.
+        Also record the subproblems that solvers get, with their answers, in a group ``subproblems``: at most this
+        number, 10,000 if True, and at most 256 MB. Subproblems that `skip` answers without a solver are not recorded.
+        The trajectory is the same to the bit. `deli.replay` solves recorded subproblems again, and
+        `deli.load_subproblem` returns one as a cvxpy problem.
 
     Returns
     -------
     xarray.DataTree
         Groups ``trajectory`` and ``solver_stats``, and ``subproblems`` if asked for. The root attribute ``outcome`` is
-        ``complete``, or says in which step and why the run failed; a failed run ends with the last good state,
-        whatever `every` is, and its file has the final name. Where that adds a row, ``solver_stats``
-        counts the work of the failed step too, and the row its contacts not.
+        ``complete``, or names the step in which the run failed and the reason. A failed run ends with the last good
+        state, whatever `every` is, and its file has the final name. Where that state adds a row, ``solver_stats``
+        counts the work of the failed step too, but the row does not count the contacts of that step.
 
     Raises
     ------
     InputError
         If an argument is not allowed. Nothing has been computed or written then.
     Interrupted
-        On SIGINT or SIGTERM (a KeyboardInterrupt), after the step and after the rows have been written. A step that
-        has not ended five seconds later is broken off, and so it is by a second signal. The file stays
-        ``<output>.partial``, to be resumed; the exception's `run` holds the rows. A call of a library in C that does
-        not return cannot be broken off: SIGQUIT or SIGKILL end the process then, and the rows committed
-        before are in ``<output>.partial``.
+        On SIGINT or SIGTERM (it is a KeyboardInterrupt), after the current step has ended and the rows have been
+        written. A second signal breaks the step off, and so do five seconds. The file stays ``<output>.partial``, to be
+        resumed; the exception's `run` holds the rows. A call of a library in C that does not return cannot be broken
+        off: SIGQUIT or SIGKILL end the process then, and the rows committed before are in ``<output>.partial``.
+
+    Examples
+    --------
+    A pogo stick falls, bounces and keeps its energy:
+
+    >>> import deli
+    >>> scene = deli.scenes.pogo_stick()
+    >>> run = deli.simulate(scene, deli.GVI(), step_size=0.01, steps=100)
+    >>> run.attrs["outcome"]
+    'complete'
+    >>> int(run.trajectory["reflected_contacts"].sum())
+    2
+    >>> energy = run.trajectory["hamiltonian"]
+    >>> float(energy[0].round(9)), bool(abs(energy - energy[0]).max() < 1e-9)
+    (68.6, True)
+
+    The same run by another solver, with every tenth row:
+
+    >>> choice = {"backend": "clarabel", "tolerance": 1e-9}
+    >>> run = deli.simulate(scene, deli.GVI(), step_size=0.01, steps=100, solvers=choice, skip=False, every=10)
+    >>> run.trajectory.sizes["time"]
+    11
+    >>> run.attrs["backend_versions"].split()[0]
+    'clarabel'
     """
     plan = make_plan(
         scene,
@@ -122,12 +147,32 @@ def simulate(
 
 
 def open_run(path: str | os.PathLike[str]) -> xr.DataTree:
-    """Open a recorded run, finished or partial, or an ensemble; of a partial file only rows that are whole.
+    """Open a recorded run, finished or partial, or an ensemble. Of a partial file only committed rows are read.
+
+    Parameters
+    ----------
+    path : path
+        A file that `simulate` or `simulate_ensemble` has written as its `output`.
+
+    Returns
+    -------
+    xarray.DataTree
+        The tree that `simulate` or `simulate_ensemble` returned.
 
     Raises
     ------
     InputError
         If the file is missing, unreadable, or not a run recorded by deli.
+
+    Examples
+    --------
+    >>> import deli, pathlib, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder) / "run.nc"
+    ...     run = deli.simulate(deli.scenes.pogo_stick(), deli.GVI(), step_size=0.01, steps=20, output=file)
+    ...     again = deli.open_run(file)
+    >>> again.identical(run)
+    True
     """
     return open_tree(Path(path))
 
@@ -140,20 +185,36 @@ def load_subproblem(path: str | os.PathLike[str], index: int) -> "cp.Problem":
     path : path
         A run recorded with ``subproblems=True``, or a library of subproblems.
     index : int
-        Its place along the dimension ``problem``, which `deli.replay` lists worst cases by; from the end if negative.
+        Place of the subproblem along the dimension ``problem``, by which the command ``deli replay`` lists worst cases.
+        A negative index counts from the end.
 
     Returns
     -------
     cvxpy.Problem
-        The model in `deli.subproblems`, its Parameters holding the recorded values, its Variable the recorded answer
-        and the constraints' dual values its multipliers. Units are those of the problem at hand: z = √M v over a
-        speed, so that the masses are one, and rows of unit length. Equations may depend on each other;
-        runs and `deli.replay` hand an independent set of them to backends.
+        The model in `deli.subproblems`. Its Parameters hold the recorded values, its Variable the recorded answer, and
+        the dual values of its constraints the multipliers. Quantities are scaled: z = √M v over a speed, so that the
+        masses are one, and rows have unit length. Equations may depend on each other; runs and `deli.replay` hand an
+        independent set of them to backends.
 
     Raises
     ------
     InputError
-        If the file has no subproblems, or none of that index.
+        If the file has no subproblems, or no subproblem of that index.
+
+    Examples
+    --------
+    >>> import deli, pathlib, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder) / "run.nc"
+    ...     run = deli.simulate(
+    ...         deli.scenes.pogo_stick(), deli.GVI(), step_size=0.1, steps=10, output=file, skip=False, subproblems=True
+    ...     )
+    ...     problem = deli.load_subproblem(file, 0)
+    >>> velocity = problem.var_dict["velocity"]
+    >>> recorded = velocity.value
+    >>> objective = problem.solve(solver="CLARABEL")
+    >>> bool(abs(velocity.value - recorded).max() < 1e-6)
+    True
     """
     problems, _ = read_subproblems(Path(path))
     whole = isinstance(index, int | np.integer) and not isinstance(index, bool)
@@ -163,7 +224,7 @@ def load_subproblem(path: str | os.PathLike[str], index: int) -> "cp.Problem":
 
 
 def run_plan(plan: Plan, progress: bool | Callable[[int], None] = False) -> xr.DataTree:
-    """Carry out a checked plan, see `simulate`; `progress` may also be called with the number of steps now and then."""
+    """Carry out a checked plan, see `simulate`; `progress` may be a function, called with the number of steps."""
     config = plan.config()
     if plan.resume and plan.output is not None and plan.output.exists():
         run = open_run(plan.output)

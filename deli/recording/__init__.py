@@ -1,1 +1,1 @@
-"""Recording of runs: what is stored, where it comes from, and how it gets to disk."""
+"""Recording of runs: schema, provenance, files and their checks."""

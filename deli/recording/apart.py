@@ -1,4 +1,4 @@
-"""Reading a file that may be damaged, in another process: the netCDF library may crash on it, or never end."""
+"""Reading of a file that may be damaged, in another process: the netCDF library may crash on it, or never end."""
 
 import json
 import os
@@ -16,9 +16,9 @@ from deli.errors import InputError
 from deli.recording.contents import Contents, Stored, load, open_file
 
 SECONDS, BYTES_A_SECOND = 60, 2_000_000
-"""How long reading may take: so many seconds of a processor, and another for so many bytes of the file."""
+"""Limit on the processor time of a reading: `SECONDS`, and one more for every `BYTES_A_SECOND` bytes of the file."""
 MEMORY, COPIES = 1 << 29, 4
-"""How much memory it may take: so many bytes, and so many times those of the file."""
+"""Limit on the memory of a reading: `MEMORY` bytes, and `COPIES` times the bytes of the file."""
 
 _CODE = "import sys; sys.path[:] = {path!r}; from deli.recording.apart import main; main({file!r}, {values!r})"
 
@@ -29,13 +29,13 @@ def load_apart(path: Path, values: bool) -> Contents:
     Raises
     ------
     InputError
-        If the file cannot be read, or that process dies of it.
+        If the file cannot be read, or the process that reads it dies.
     """
     with subprocess.Popen(
         [sys.executable, "-c", _CODE.format(path=sys.path, file=os.fspath(path), values=values)],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,  # where the library shows its inner state
+        stderr=subprocess.DEVNULL,  # the library prints its inner state there
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
     ) as process:
         assert process.stdout is not None
@@ -49,15 +49,15 @@ def load_apart(path: Path, values: bool) -> Contents:
     if contents is None or "end" not in told:
         status = process.returncode
         how = signal.Signals(-status).name if status < 0 else f"exit status {status}"
-        raise InputError(f"{path} is damaged: the process that read it died of it ({how}).")
+        raise InputError(f"{path} is damaged: the process that read it died ({how}).")
     return contents
 
 
 def main(file: str, values: bool) -> None:
-    """Read a file in the process that is there for it, and hand over on standard output what it holds.
+    """Read a file in a process of its own, and write its contents to standard output.
 
-    A line of JSON says what the file holds. The values of each variable follow a line that says of how many bytes
-    they are. The last line is an end, or a refusal.
+    A line of JSON describes the contents. The values of each variable follow a line with their number of bytes. The
+    last line says that all was read, or why the file is refused.
     """
     path, output = Path(file), sys.stdout.buffer
 
@@ -76,7 +76,7 @@ def main(file: str, values: bool) -> None:
                 output.write(array.reshape(-1).view(np.uint8))
             say(end=True)
             output.flush()
-            os._exit(0)  # what damage there is in the library's memory need not be taken apart
+            os._exit(0)  # without cleaning up: the library's memory may be damaged
     except InputError as error:
         say(refused=str(error))
     except FileNotFoundError:
@@ -90,7 +90,7 @@ def _limit(size: int) -> None:
     except ImportError:  # Windows has no such limits
         return
     seconds = SECONDS + size // BYTES_A_SECOND
-    signal.alarm(10 * seconds)  # of waiting
+    signal.alarm(10 * seconds)  # of wall time
     limits = {resource.RLIMIT_CPU: seconds, resource.RLIMIT_AS: MEMORY + COPIES * size, resource.RLIMIT_CORE: 0}
     for kind, most in limits.items():
         with suppress(ValueError, OSError):  # a stricter limit is in force
@@ -98,7 +98,7 @@ def _limit(size: int) -> None:
 
 
 def _require_toml(config: Any, path: Path) -> None:
-    """Refuse a config that takes more than there is to read it, so that others can."""
+    """Refuse a config that cannot be read within this process's limits: processes without limits read it next."""
     try:
         tomllib.loads(config if isinstance(config, str) else "")
     except (ValueError, RecursionError, MemoryError) as error:
@@ -117,7 +117,7 @@ def _described(contents: Contents) -> dict[str, Any]:
 
 
 def _plain(attributes: dict[str, Any]) -> dict[str, Any]:
-    """Attributes as JSON knows them; an array is its type and its values."""
+    """Return attributes in the types of JSON; an array becomes its type and its values."""
     return {
         name: {"dtype": value.dtype.str, "values": value.tolist()} if isinstance(value, np.ndarray) else value
         for name, value in attributes.items()
@@ -132,7 +132,7 @@ def _restored(attributes: dict[str, Any]) -> dict[str, Any]:
 
 
 def _receive(stream: IO[bytes]) -> tuple[dict[str, Any], Contents | None]:
-    """Read what `main` says: its last line, and the contents of the file."""
+    """Read the output of `main`; return its last line, and the contents of the file."""
     told, contents, empty = _line(stream), None, []
     if "contents" in told:
         found = told["contents"]

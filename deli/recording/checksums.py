@@ -1,8 +1,8 @@
-"""Checksums of committed rows, so that a file which nobody has sealed can tell whether its numbers are still the same.
+"""Checksums of committed rows, which show whether an unsealed file still has the numbers that were written.
 
-Of each variable that grows the CRC-32 of all its numbers runs along with them. A commit writes its checksums into one
-of two slots, with the numbers of rows and subproblems that they are of, before it counts the rows: whatever
-interrupts it, one slot is of the rows that are counted.
+Each variable that grows has the CRC-32 of all its numbers. A commit writes the checksums into one of two slots, with
+the numbers of rows and subproblems that they cover, before it writes the number of committed rows. An interruption at
+any point therefore leaves a slot that covers the committed rows.
 """
 
 import zlib
@@ -26,7 +26,7 @@ class Checksums:
     Parameters
     ----------
     schema : Schema
-        What the file holds.
+        The variables of the file.
     """
 
     def __init__(self, schema: Schema) -> None:
@@ -40,7 +40,7 @@ class Checksums:
         self._commits = 0
 
     def lay_out(self, dataset: netCDF4.Dataset) -> None:
-        """Make room for them in a file."""
+        """Make room for the checksums in a file."""
         dataset.createDimension("slot", SLOTS)
         dataset.createDimension("checksum", len(self._dtypes))
         dataset.createDimension("count", 2)
@@ -52,13 +52,13 @@ class Checksums:
         sums[...], covered[...] = 0, 0
 
     def add(self, group: str, block: Block) -> None:
-        """Go on with the checksums over numbers that are appended."""
+        """Update the checksums by numbers that are appended."""
         for name, values in block.items():
             if (group, name) in self._dtypes:
                 self._running[group, name] = _checksum(values, self._dtypes[group, name], self._running[group, name])
 
     def write(self, dataset: netCDF4.Dataset, rows: int, problems: int) -> None:
-        """Write them into a slot."""
+        """Write the checksums into a slot."""
         self._commits += 1
         slot = self._commits % SLOTS
         dataset[CHECKSUMS][slot] = list(self._running.values())
@@ -66,16 +66,16 @@ class Checksums:
 
 
 def broken(root: Mapping[str, Stored], groups: Groups, rows: int) -> list[str] | None:
-    """Name the variables whose committed numbers are not those that were written; None where a file cannot tell.
+    """Return the names of variables whose committed numbers have changed; None for a file without checksums.
 
     Parameters
     ----------
     root : dict
         Variables of the file's root.
     groups : dict
-        What was read of the file.
+        Variables that were read, by group and name.
     rows : int
-        How many rows are committed.
+        Number of committed rows.
     """
     if CHECKSUMS not in root or COVERED not in root:
         return None

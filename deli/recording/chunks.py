@@ -1,9 +1,9 @@
-"""Files whose structure does not change under their rows: how chunks grow, and a copy that has room for more.
+"""Chunks of variables that grow: their lengths, and copies of files into longer chunks.
 
-HDF5 finds the chunks of a variable through a tree. Whatever kills a process, a file can be read as long as each change
-of a tree is one write, which holds up to 64 chunks; a larger tree is split by several writes, and between them nothing
-is found any more. So where a variable needs more chunks, or its file was cut off in the middle of a commit, the rows go
-to another file with longer chunks, which takes the place of the first when it is whole.
+HDF5 finds the chunks of a variable through a tree. A tree of up to 64 chunks is changed by a single write, so that its
+file can be read whenever the process is killed. A larger tree is split by several writes, and between them no chunk is
+found. Therefore, where a variable needs more chunks, or a file was cut off during a commit, the rows are copied to
+another file with longer chunks, which replaces the first when it is complete.
 """
 
 import math
@@ -14,11 +14,11 @@ import netCDF4
 MOST_CHUNKS = 64
 GROWTH = 8
 NODE_BYTES = 4096
-"""More than a tree of chunks takes."""
+"""Upper bound on the bytes of a tree of chunks."""
 
 
 def bytes_to_come(dataset: netCDF4.Dataset, lengths: Mapping[str, int], needed: Mapping[str, int]) -> int:
-    """By how much a file grows at most when its dimensions grow as much as `needed` says."""
+    """Return the bytes by which a file grows at most when its dimensions reach the lengths `needed`."""
     found = 0
     for group in dataset.groups.values():
         for variable in group.variables.values():
@@ -30,7 +30,7 @@ def bytes_to_come(dataset: netCDF4.Dataset, lengths: Mapping[str, int], needed: 
 
 
 def longer(lengths: Mapping[str, int], needed: Mapping[str, int]) -> dict[str, int]:
-    """Lengths of chunks with which no dimension needs more of them than a tree holds."""
+    """Return lengths of chunks with which no dimension needs more chunks than a tree holds."""
     found = dict(lengths)
     for dimension, places in needed.items():
         while places > MOST_CHUNKS * found[dimension]:
@@ -39,8 +39,8 @@ def longer(lengths: Mapping[str, int], needed: Mapping[str, int]) -> dict[str, i
 
 
 def write_through(dataset: netCDF4.Dataset) -> None:
-    """Write rows straight to the file, where chunks in memory would be written as a whole each time."""
-    dataset.sync()  # what caches there are is settled when variables are written for the first time
+    """Write rows straight to the file, because a chunk in memory would be written as a whole each time."""
+    dataset.sync()  # the first write of a variable settles its cache
     for group in dataset.groups.values():
         for variable in group.variables.values():
             if _grows(group, variable):
@@ -48,7 +48,7 @@ def write_through(dataset: netCDF4.Dataset) -> None:
 
 
 def copy(source: netCDF4.Dataset, target: netCDF4.Dataset, ends: Mapping[str, int], chunks: Mapping[str, int]) -> None:
-    """Copy a file, of dimensions that grow as much as `ends` says, into chunks of the lengths given."""
+    """Copy a file, its growing dimensions up to `ends`, into chunks of the lengths `chunks`."""
     target.setncatts({name: source.getncattr(name) for name in source.ncattrs()})
     pairs = [(source, target)]
     for name, group in source.groups.items():
@@ -81,7 +81,7 @@ def copy(source: netCDF4.Dataset, target: netCDF4.Dataset, ends: Mapping[str, in
 
 
 def _lengths(variable: netCDF4.Variable) -> list[int]:
-    """Lengths of the chunks of a variable that grows."""
+    """Return the lengths of the chunks of a variable that grows."""
     return [int(length) for length in variable.chunking()]
 
 

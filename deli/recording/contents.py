@@ -1,4 +1,4 @@
-"""What a netCDF file of deli's holds, as it stands there: rows that are committed, and none of it believed."""
+"""Contents of a netCDF file of deli's, as they are stored: committed rows only, and not yet checked."""
 
 import math
 import threading
@@ -16,24 +16,24 @@ COMMITTED, WALL_TIME, COMMITTED_PROBLEMS = "committed_rows", "committed_wall_tim
 ENCODING = "_Encoding"
 """The attribute that tells readers to join letters to words."""
 SMALLEST = 64
-"""Bytes of values that a file of any size may say it has."""
+"""Bytes of values that a file of any size may claim."""
 DEFLATED = 1032
-"""How many times smaller deflate makes values at most; deli itself writes them as they are."""
+"""Largest factor of compression by deflate; deli itself does not compress."""
 WORD_BYTES = 16
-"""What a file keeps of a word besides its letters."""
+"""Bytes that a file stores of a word besides its letters."""
 
 LIBRARY = threading.RLock()
-"""Held around every use of the netCDF library, which is not safe to use from several threads."""
+"""The lock around every use of the netCDF library, which is not safe to use from several threads."""
 
 DAMAGE = (OSError, RuntimeError, AttributeError, LookupError, TypeError, ValueError, MemoryError, RecursionError)
-"""What the netCDF library, and what decodes what it returns, raise on a file that is not what it should be."""
+"""Errors that the netCDF library, and the decoding of its output, raise on a damaged file."""
 
 
 @dataclass
 class Stored:
-    """One variable of a file: its dimensions and attributes, and its values where they were asked for.
+    """One variable of a file: its dimensions, its values and its attributes.
 
-    Values of dimensions that rows or subproblems are appended to end where the committed ones do.
+    Values along ``time`` and ``step`` end with the committed rows.
     """
 
     dims: tuple[str, ...]
@@ -43,7 +43,7 @@ class Stored:
 
 @dataclass
 class Contents:
-    """What a file holds.
+    """The contents of a file.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Contents:
     groups : dict
         Variables, by group and name.
     trusted : bool
-        Whether all this is what deli wrote.
+        Whether deli wrote all of it.
     """
 
     attributes: dict[str, Any]
@@ -69,12 +69,12 @@ class Contents:
 
 
 def open_file(path: Path, live: bool) -> netCDF4.Dataset:
-    """Open a file to read it; one that a writer has locked, or that is said to be `live`, as the copy it is now.
+    """Open a file for reading; a file that is `live`, or that its writer has locked, is opened as a copy in memory.
 
     Raises
     ------
     InputError
-        If it is no netCDF file.
+        If it is not a netCDF file.
     """
     if not live:
         try:
@@ -82,7 +82,7 @@ def open_file(path: Path, live: bool) -> netCDF4.Dataset:
         except DAMAGE as locked:
             if path.suffix != ".partial":
                 raise InputError(f"{path} cannot be read as netCDF ({locked}); was it written by deli?") from locked
-    # A running writer holds the file; what it has synced is on disk and readable as a copy.
+    # A running writer holds the file; rows that it has synced are on disk, and readable in a copy.
     try:
         return netCDF4.Dataset(path.name, "r", memory=path.read_bytes())
     except DAMAGE as error:
@@ -90,14 +90,14 @@ def open_file(path: Path, live: bool) -> netCDF4.Dataset:
 
 
 def load(dataset: netCDF4.Dataset, path: Path, values: bool) -> Iterator[Any]:
-    """Read a file: first its `Contents`, whose variables have no values yet, then those of each in their order.
+    """Read a file: yield its `Contents`, whose variables have no values yet, then the values of each in their order.
 
-    Without `values` there are no variables, only what stands about them in the root and in dimensions.
+    Without `values`, the contents are the attributes of the root and the sizes of dimensions.
 
     Raises
     ------
     InputError
-        If something cannot be read, or would take more room than the file.
+        If a part cannot be read, or would take more room than the file.
     """
     dataset.set_auto_maskandscale(False)
     dataset.set_auto_chartostring(False)
@@ -139,7 +139,7 @@ def load(dataset: netCDF4.Dataset, path: Path, values: bool) -> Iterator[Any]:
 
 
 def gather(parts: Iterator[Any]) -> Contents:
-    """Put together what `load` yields."""
+    """Return the contents whose parts `load` yields."""
     contents: Contents = next(parts)
     for variables in contents.groups.values():
         for variable in variables.values():
@@ -149,13 +149,13 @@ def gather(parts: Iterator[Any]) -> Contents:
 
 
 def attributes_of(owner: netCDF4.Dataset | netCDF4.Variable) -> dict[str, Any]:
-    """Attributes in Python's own types."""
+    """Return attributes in Python's own types."""
     values = ((name, owner.getncattr(name)) for name in owner.ncattrs())
     return {name: value.item() if isinstance(value, np.generic) else value for name, value in values}
 
 
 def _ends(dataset: netCDF4.Dataset) -> dict[str, int]:
-    """Where to stop along dimensions that grow: after what is committed, as far as there is sense in it."""
+    """Return the ends of the committed rows along ``time`` and ``step``; none where the file does not state them."""
     ends: dict[str, int] = {}
     if COMMITTED in dataset.variables and not dataset[COMMITTED].shape:
         rows = max(int(dataset[COMMITTED][...]), 0)
@@ -164,14 +164,14 @@ def _ends(dataset: netCDF4.Dataset) -> dict[str, int]:
 
 
 def _plain(variable: netCDF4.Variable) -> bool:
-    """Whether values are numbers or letters; others are none of deli's."""
+    """Return whether values are numbers or letters, the only kinds that deli writes."""
     return isinstance(variable.dtype, np.dtype) and variable.dtype.kind in "iufS" and variable.dtype.itemsize <= 8
 
 
 def _letters(variable: netCDF4.Variable, name: str, room: int, path: Path) -> np.ndarray:
-    """Return words of any length as deli stores words, in rows of letters: other programs write them so."""
+    """Return words of variable length, as other programs write them, in rows of letters, as deli writes them."""
     if WORD_BYTES * math.prod(variable.shape) > room:
-        raise InputError(f"{path} is damaged: {name} has the shape {variable.shape}, and the file {room:,} bytes.")
+        raise InputError(f"{path} is damaged: {name} has the shape {variable.shape}, and the file has {room:,} bytes.")
     words = [str(word).encode() for word in np.asarray(variable[...], dtype=object).reshape(-1)]
     width = max(map(len, words), default=0) or 1
     if width * len(words) > DEFLATED * room:

@@ -1,4 +1,4 @@
-"""Refusal of a file that does not hold what deli writes."""
+"""Refusal of a file with contents that deli does not write."""
 
 from pathlib import Path
 from typing import NoReturn
@@ -7,10 +7,10 @@ from deli.errors import InputError
 
 
 class Damaged(InputError):
-    """A file does not hold what deli writes; `what` says where."""
+    """A file with contents that deli does not write; `what` names the fault."""
 
     def __init__(self, path: Path, what: str) -> None:
-        super().__init__(f"{path} is damaged: {what}. Run it again; --overwrite starts anew.")
+        super().__init__(f"{path} is damaged: {what}. Repeat the run; --overwrite starts anew.")
         self.what = what
 
 

@@ -1,4 +1,4 @@
-"""Numbers and words of a stored variable, freed of the ways in which programs store them."""
+"""Numbers and words of a stored variable, decoded from the forms in which programs store them."""
 
 import math
 from pathlib import Path
@@ -11,7 +11,7 @@ from deli.recording.damage import refuse
 
 MISSING, PACKED = ("_FillValue", "missing_value"), ("scale_factor", "add_offset")
 STORAGE = (ENCODING, *MISSING, "coordinates")
-"""Attributes that say how values are stored, and not what they are."""
+"""Attributes that describe the storage of values, not their meaning."""
 
 
 def words_of(stored: Stored, name: str, path: Path) -> np.ndarray:
@@ -20,7 +20,7 @@ def words_of(stored: Stored, name: str, path: Path) -> np.ndarray:
     Raises
     ------
     InputError
-        If they are no words.
+        If the values are not words.
     """
     if stored.values.dtype != np.dtype("S1") or stored.values.ndim != 2:
         refuse(path, f"{name} has the type {stored.values.dtype} and {stored.values.ndim} dimensions, not words")
@@ -29,16 +29,16 @@ def words_of(stored: Stored, name: str, path: Path) -> np.ndarray:
     try:
         return np.array([word.decode() for word in joined.tolist()], dtype=str)
     except UnicodeDecodeError:
-        refuse(path, f"{name} has bytes that are no letters")
+        refuse(path, f"{name} has bytes that are not letters")
 
 
 def described(stored: Stored) -> dict[str, Any]:
-    """Attributes but for those that say how values are stored."""
+    """Return the attributes without those that describe storage."""
     return {key: value for key, value in stored.attributes.items() if key not in STORAGE}
 
 
 def decoded(stored: Stored) -> np.ndarray:
-    """Numbers in the order of bytes of this machine, nan where they are marked as missing."""
+    """Return numbers in this machine's byte order, with nan in place of those marked as missing."""
     values = stored.values.astype(stored.values.dtype.newbyteorder("="), copy=False)
     for key in MISSING:
         mark = stored.attributes.get(key)

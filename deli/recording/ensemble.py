@@ -1,4 +1,4 @@
-"""Rows of many runs of one shape at once: arrays with the member first, and the tree that users see."""
+"""Rows of many runs of one shape: arrays with the member as first dimension, and the tree that users get."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -18,14 +18,14 @@ from deli.subproblems.stats import COUNTS, UNUSED
 
 
 class Gathering:
-    """Where steppers write the rows of all members.
+    """The arrays into which steppers write the rows of all members.
 
     Parameters
     ----------
     members, rows : int
     schema : Schema
     stats : bool
-        Whether to keep the statistics of solvers.
+        Whether to keep the solvers' statistics.
 
     Raises
     ------
@@ -56,18 +56,18 @@ class Gathering:
         self._records = Records(BLOCK, self.fields, members)
 
     def block(self, member: int) -> Record:
-        """Where a member's rows go."""
+        """Return the record into which a member's rows go."""
         return self._records[member]
 
     @property
     def steps_taken(self) -> np.ndarray:
-        """Steps that each member has taken."""
+        """Number of steps that each member has taken."""
         return self.fields.progress[:, 0]
 
     def tree(
         self, time: np.ndarray, labels: Mapping[str, Any], outcomes: Sequence[str], attributes: Mapping[str, Any]
     ) -> xr.DataTree:
-        """Return all rows; those that a member has not got to are nan, or count nothing."""
+        """Return all rows as a tree; in rows that a member has not reached, numbers are nan and counts are zero."""
         self._pad()
         fields = self.fields
         columns = [fields.counts[:, 1:, k] for k in range(len(COUNTS))] + [fields.times[:, 1:, k] for k in range(2)]
@@ -118,7 +118,7 @@ def check_labels(labels: Mapping[str, Any] | None, members: int, schema: Schema)
     Raises
     ------
     InputError
-        If one has not a value for each member, or the name of something else.
+        If a label does not have one value for each member, or has the name of a variable of the run.
     """
     taken = {variable.name for variables in schema.groups.values() for variable in variables}
     taken |= {"outcome", "steps_taken", TRAJECTORY, STATS, *schema.sizes}
@@ -130,13 +130,13 @@ def check_labels(labels: Mapping[str, Any] | None, members: int, schema: Schema)
                 f"labels: {name!r} has shape {array.shape}; pass one value for each of the {members} scenes"
             )
         if not isinstance(name, str) or name in taken:
-            raise InputError(f"labels: {name!r} names something else in the run, or is no string; use another name")
+            raise InputError(f"labels: {name!r} names something else in the run, or is not a string; use another name")
         found[name] = array
     return found
 
 
 def same(scenes: Sequence[Scene], name: str) -> bool:
-    """Whether an attribute of all scenes is the same, by identity or, if it is an array or a name, by value."""
+    """Return whether all scenes have the same attribute: by value if it is an array or a name, else by identity."""
     first = getattr(scenes[0], name)
     others = [getattr(scene, name) for scene in scenes]
     if isinstance(first, np.ndarray):

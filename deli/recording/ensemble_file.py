@@ -1,4 +1,4 @@
-"""Files of ensembles: written and sealed at once, read as they are, and believed as far as their structure holds."""
+"""Files of ensembles: written as a whole and sealed, read with a check of their structure."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from deli.recording.structure import config_of, refuse, require_attributes
 from deli.recording.whole import replacing
 
 ENSEMBLE = "ensemble"
-"""What the config calls the scene of an ensemble."""
+"""The name of an ensemble's scene in the config."""
 STEPS_TAKEN, OUTCOME = "steps_taken", "outcome"
 
 
@@ -25,7 +25,7 @@ def write(path: Path, run: xr.DataTree) -> None:
 
 
 def store_as_letters(run: xr.DataTree) -> xr.DataTree:
-    """Have words written as letters, as in files of runs, whoever writes them; return the run."""
+    """Set the encoding of words to letters, as in files of runs, for every later writing; return the run."""
     for node in run.subtree:
         for variable in node.variables.values():
             variable.encoding = {"dtype": "S1"} if variable.dtype.kind == "U" else {}
@@ -33,16 +33,16 @@ def store_as_letters(run: xr.DataTree) -> xr.DataTree:
 
 
 def tree_of(contents: Contents, path: Path) -> xr.DataTree:
-    """Make an ensemble of what a file holds.
+    """Return the ensemble that a file holds.
 
     Raises
     ------
     InputError
-        Naming what was found where something else must be.
+        If the file holds none; the message names the contents found and those expected.
     """
     require_attributes(contents.attributes, path)
     if config_of(contents.attributes, path)["scene"]["name"] != ENSEMBLE:
-        refuse(path, f"it has members, and its attribute config says that scene.name is no {ENSEMBLE!r}")
+        refuse(path, f"it has members, but in its attribute config scene.name is not {ENSEMBLE!r}")
     try:
         datasets = {group: _decoded(contents, group) for group in ("/", TRAJECTORY, STATS) if group in contents.groups}
         datasets["/"].attrs = dict(contents.attributes)
@@ -64,7 +64,7 @@ def _decoded(contents: Contents, group: str) -> xr.Dataset:
     for name, variable in found.variables.items():
         if variable.dtype.kind == "O":
             found[name] = variable.astype(str)
-        elif variable.dtype.kind == "S":  # by a program that does not say how letters are encoded
+        elif variable.dtype.kind == "S":  # by a program that does not state the encoding of letters
             found[name] = variable.dims, np.char.decode(variable.values, "utf-8"), variable.attrs
     return found
 
@@ -74,7 +74,7 @@ def _require_structure(run: xr.DataTree, path: Path) -> None:
     for name, kind in ((MEMBER, None), (STEPS_TAKEN, "i"), (OUTCOME, "U")):
         column = run.variables.get(name)
         if column is None or column.dims != (MEMBER,) or (kind is not None and column.dtype.kind != kind):
-            refuse(path, f"{name} is missing, or not one of its kind for each of the {members} members")
+            refuse(path, f"{name} is missing, or is not one value of its type for each of the {members} members")
     sizes = {name: trajectory.sizes.get(name, 0) for name in ("time", "dof", "axis")}
     if not 1 <= sizes["axis"] <= 3 or not sizes["dof"] or sizes["dof"] % sizes["axis"] or not sizes["time"]:
         refuse(path, f"it has {sizes['time']} rows of {sizes['dof']} degrees of freedom in {sizes['axis']} dimensions")
@@ -109,6 +109,6 @@ def _require_variable(found: xr.Dataset, group: str, variable: Variable, sizes: 
 
 
 def member_dims(variable: Variable, group: str) -> tuple[str, ...]:
-    """Dimensions of a variable in an ensemble: what grows is each member's own, but for coordinates."""
+    """Return the dimensions of a variable in an ensemble: members share coordinates and variables that do not grow."""
     shared = not variable.grows or variable.name in coordinates(group)
     return variable.dims if shared else (MEMBER, *variable.dims)

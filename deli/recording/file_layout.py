@@ -1,4 +1,4 @@
-"""An empty file for a run: its dimensions, variables and attributes, and how long the chunks are that rows go into."""
+"""An empty file for a run: its dimensions, its variables, its attributes, and the lengths of its chunks."""
 
 import math
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ CHUNK_ROWS, CHUNK_PLACES, CHUNK_BYTES = 256, 4096, 1_000_000
 
 
 def first_chunks(schema: Schema) -> dict[str, int]:
-    """Lengths of chunks, by dimension that grows: short ones where rows are wide, for whole chunks are stored."""
+    """Return the lengths of chunks by growing dimension: short where rows are wide, because whole chunks are stored."""
     lengths: dict[str, int] = {}
     for group, usual in ((TRAJECTORY, CHUNK_ROWS), (STATS, CHUNK_ROWS), (POSED, CHUNK_PLACES)):
         for variable in schema.groups.get(group, ()):
@@ -30,13 +30,13 @@ def lay_out(dataset: netCDF4.Dataset, schema: Schema, attributes: Mapping[str, A
     """Write everything but rows into a new file."""
     dataset.setncatts(dict(attributes))
     committed = dataset.createVariable(COMMITTED, "i8", (), fill_value=False)
-    committed.setncatts({"units": "1", "long_name": "rows that are whole"})
+    committed.setncatts({"units": "1", "long_name": "number of committed rows"})
     wall_time = dataset.createVariable(WALL_TIME, "f8", (), fill_value=False)
-    wall_time.setncatts({"units": "s", "long_name": "wall time spent on them"})
+    wall_time.setncatts({"units": "s", "long_name": "wall time of the run up to the last commit"})
     committed[...], wall_time[...] = 0, 0.0
     if schema.subproblems:
         problems = dataset.createVariable(COMMITTED_PROBLEMS, "i8", (), fill_value=False)
-        problems.setncatts({"units": "1", "long_name": "subproblems that are whole"})
+        problems.setncatts({"units": "1", "long_name": "number of committed subproblems"})
         problems[...] = 0
     constants = schema.constants()
     for name, variables in schema.groups.items():
@@ -67,7 +67,7 @@ def _create(group: netCDF4.Group, variable: Variable, lengths: Mapping[str, int]
 
 
 def _write_words(group: netCDF4.Group, variable: Variable, words: np.ndarray) -> None:
-    """Write words as rows of letters: where a file is opened twice, HDF5 crashes on strings of any length."""
+    """Write words as rows of letters, because HDF5 crashes on strings of variable length in a file opened twice."""
     letters = words.astype(bytes)
     dimension = f"{variable.name}_letter"
     group.createDimension(dimension, letters.itemsize)

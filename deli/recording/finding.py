@@ -1,14 +1,14 @@
-"""One line of what `deli check` says of a recorded file."""
+"""A finding of `deli check` about a recorded file."""
 
 from dataclasses import dataclass
 
 AGREEMENT = 1e-9
-"""How far recomputed numbers may be from recorded ones, relative to their size or to 1."""
+"""Largest difference of recomputed from recorded numbers, relative to their size or to 1."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was checked: what, whether it holds (None: could not be checked), and what was seen."""
+    """A property of a file, whether it holds (None: could not be checked), and the observation behind that."""
 
     what: str
     holds: bool | None

@@ -1,4 +1,4 @@
-"""Who holds a file while it is written, where what takes its place is prepared, and what is said if that fails."""
+"""The holder of a file during writing, and the messages of a write that fails."""
 
 import glob
 from collections.abc import Iterator
@@ -18,16 +18,16 @@ except ImportError:  # Windows has other locks than HDF5 asks for
 
 
 class RecordingError(DeliError):
-    """Rows could not be written: a full disk, a vanished folder."""
+    """A write that failed, because of a full disk or a vanished folder."""
 
 
 class Busy(InputError):
-    """Another process is writing the file, or this one is."""
+    """A file that another run is writing, in this process or another."""
 
 
 @contextmanager
 def recording(path: Path, what: str) -> Iterator[None]:
-    """Say what could not be written, and that what is committed is safe."""
+    """Raise a failed write as an error that names its object, `what`, and says that committed rows are safe."""
     try:
         yield
     except (OSError, RuntimeError) as error:
@@ -38,37 +38,38 @@ def recording(path: Path, what: str) -> Iterator[None]:
 
 
 def require_locks(path: Path) -> None:
-    """Refuse to record to a file where files cannot be locked as HDF5 does.
+    """Refuse to record to a file where the system cannot lock files in the way of HDF5.
 
     Raises
     ------
     InputError
+        On systems without POSIX locks.
     """
     if fcntl is None:
         raise InputError(
             f"output {path}: runs are recorded to files on POSIX systems only, and this one has no module fcntl; leave "
-            "out the output, which keeps the run in memory, and save what simulate returns by its to_netcdf."
+            "out the output, which keeps the run in memory, and save the returned run by its method to_netcdf."
         )
 
 
 def lock(file: BinaryIO, wait: bool) -> None:
-    """Lock an open file as HDF5 does.
+    """Lock an open file in the way of HDF5.
 
     Raises
     ------
     BlockingIOError
-        If somebody else has locked it, and there is to be no waiting.
+        If it is locked already, and `wait` is false.
     """
     fcntl.flock(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def hold(path: Path, identity: tuple[int, int, int] | None = None) -> BinaryIO | None:
-    """Keep others from a file that is to be replaced, until what is returned is closed; None without a file.
+    """Lock a file that is to be replaced, and return it open: closing it ends the lock. Return None without a file.
 
     Raises
     ------
     Busy
-        If somebody writes it, or has done so since it was the one of that `identity`.
+        If another run is writing the file, or has written it since its `identity` was taken.
     """
     if not path.exists():
         return None
@@ -85,7 +86,7 @@ def hold(path: Path, identity: tuple[int, int, int] | None = None) -> BinaryIO |
 
 
 def sweep(path: Path) -> None:
-    """Remove what processes that were killed have left of files that they had just begun."""
+    """Remove the unfinished new files that killed processes have left beside a file."""
     for left in path.parent.glob(f"{glob.escape(path.name)}.*.new"):
         process = left.suffixes[-2][1:]
         if not process.isdigit() or psutil.pid_exists(int(process)):
@@ -98,11 +99,11 @@ def sweep(path: Path) -> None:
 
 
 def beside(path: Path) -> Path:
-    """Where the holder of a file prepares what is to take its place."""
+    """Return the path at which the holder of a file prepares its replacement."""
     return path.with_name(f"{path.name}.new")
 
 
 def which(path: Path) -> tuple[int, int]:
-    """Tell a file from one that has taken its place."""
+    """Return the device and the inode of a file, which differ from those of a file that has replaced it."""
     found = path.stat()
     return found.st_dev, found.st_ino

@@ -11,16 +11,16 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FEW = 8
-"""Members up to which figures show each."""
+"""Largest number of members that figures show one by one."""
 
 
 def is_ensemble(run: "xr.DataTree") -> bool:
-    """Whether a run has members, rather than being one."""
+    """Return whether a run has members."""
     return MEMBER in run.children[TRAJECTORY].dims
 
 
 def count_members(run: "xr.DataTree") -> int:
-    """Return how many members an ensemble has."""
+    """Return the number of members of an ensemble."""
     return int(run.children[TRAJECTORY].sizes[MEMBER])
 
 
@@ -33,7 +33,7 @@ def member_of(run: "xr.DataTree", member: int) -> "xr.DataTree":
         If the run is no ensemble, or has no such member.
     """
     if not is_ensemble(run):
-        raise InputError(f"member is {member}, and the run is no ensemble; leave it out.")
+        raise InputError(f"member is {member}, but the run is not an ensemble; leave it out.")
     members = count_members(run)
     if not -members <= member < members:
         raise InputError(f"member is {member}; the ensemble has members 0 to {members - 1}.")
@@ -41,12 +41,12 @@ def member_of(run: "xr.DataTree", member: int) -> "xr.DataTree":
 
 
 def rows_of(run: "xr.DataTree", member: int) -> int:
-    """Return how many rows a member of an ensemble has got to."""
+    """Return the number of rows that a member of an ensemble has reached."""
     return reached(run.children[TRAJECTORY].variables["position"].values[member])
 
 
 def name_of(run: "xr.DataTree", member: int | None = None) -> str:
-    """Return what tells a member from others: its labels, or its number.
+    """Return the labels of a member, or its number if it has none.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Runs on disk: rows appended to ``<output>.partial``, the finished file appearing under its own name by rename."""
+"""Runs on disk: rows are appended to ``<output>.partial``, which is renamed once the run has ended."""
 
 import os
 import shutil
@@ -26,25 +26,25 @@ _writers: WeakValueDictionary[Path, "Writer"] = WeakValueDictionary()
 
 
 def being_written(path: Path) -> bool:
-    """Whether this process is writing the file; other processes are kept out by the library's lock on it."""
+    """Return whether this process is writing the file; the library's lock on the file keeps out other processes."""
     return path.resolve() in _writers
 
 
 class Writer:
-    """Appends rows to a partial file, and commits them.
+    """The writer of a partial file, which appends rows and commits them.
 
-    A commit writes the rows, syncs, writes their number, and syncs again: whatever kills the process, the rows that
-    the number counts are whole. Subproblems are counted before the rows: those of steps beyond the last committed row
-    that a kill in between leaves are dropped when the file is continued. What changes more of the file than numbers in
-    their places is done to a file of another name, which then takes the place of the first: laying it out, making room
-    in its trees of chunks, continuing it, closing it. Files that are closed are sealed, see `deli.recording.seal`.
+    A commit writes the rows, syncs, writes their number, and syncs again: whenever the process is killed, the rows that
+    the number counts are whole. Subproblems are counted before the rows. A kill in between leaves subproblems of steps
+    beyond the last committed row, which are dropped when the file is continued. Changes of the file's structure are
+    made in a file of another name, which then replaces the first: the layout, more room in trees of chunks, the
+    continuation, the closing. Closed files are sealed, see `deli.recording.seal`.
 
     Attributes
     ----------
     rows : int
-        Committed so far.
+        Number of committed rows.
     ends : dict of str to int
-        Where the committed subproblems end along each ragged dimension; empty where none are recorded.
+        Ends of the committed subproblems along each ragged dimension; empty where none are recorded.
     """
 
     def __init__(
@@ -55,16 +55,16 @@ class Writer:
         found: Unfinished | None = None,
         steps: int = 0,
     ) -> None:
-        """Start a file; it appears under its name with its first rows.
+        """Start a file, which gets its name with its first rows.
 
-        Those of an unfinished file, to the last of which the run has taken `steps` steps, are written at once. That
-        file is read, and never written to: what is damaged in a file where nobody has looked must not get into the
-        hands of who writes. Subproblems of later steps are left out.
+        The rows of an unfinished file are written at once. `steps` is the number of steps up to the last of them, and
+        subproblems of later steps are left out. The unfinished file is read and never written to, because undetected
+        damage in its structure could spoil the rows that follow.
 
         Raises
         ------
         Busy
-            If another process writes the file, or has done so since it was `found`.
+            If another run is writing the file, or has written it since it was `found`.
         RecordingError
             If it cannot be written.
         """
@@ -102,7 +102,7 @@ class Writer:
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """Root attributes that the file has so far."""
+        """Root attributes of the file so far."""
         with LIBRARY:
             return attributes_of(self._dataset)
 
@@ -112,7 +112,7 @@ class Writer:
         return self._earlier + time.perf_counter() - self._started
 
     def write(self, first_row: int, trajectory: Block, stats: Block, problems: Block | None = None) -> None:
-        """Append rows, and subproblems, and commit them.
+        """Append rows and subproblems, and commit them.
 
         Raises
         ------
@@ -133,7 +133,7 @@ class Writer:
             if problems is not None:
                 self._count(COMMITTED_PROBLEMS, self.ends["problem"])
             self._count(COMMITTED, rows)
-            self._reserved = min(self._reserved, self._place.stat().st_size)  # what is not used has been cut off
+            self._reserved = min(self._reserved, self._place.stat().st_size)  # the sync has cut off unused bytes
             if self._place != self.path:
                 os.replace(self._place, self.path)
                 self._place = self.path
@@ -141,12 +141,12 @@ class Writer:
             self.rows = rows
 
     def close(self, attributes: Mapping[str, Any], rename: Path | None) -> Path:
-        """Write closing attributes, close, seal, and give the file its final name if there is one; returns its path.
+        """Write closing attributes, close and seal the file, rename it if `rename` is a path, and return its path.
 
         Raises
         ------
         RecordingError
-            If that is not possible; the rows are in the partial file still.
+            If that fails; the rows are still in the partial file.
         """
         with LIBRARY, recording(self.path, "its end"):
             self._require_own()
@@ -158,7 +158,7 @@ class Writer:
                 dataset.setncatts(dict(attributes))
             seal(fresh)
             with fresh.open("rb+") as file:
-                lock(file, wait=True)  # nobody is to continue it before it has its final name
+                lock(file, wait=True)  # no other run may continue it before it has its final name
                 os.replace(fresh, self.path)
                 if rename is not None:
                     os.replace(self.path, rename)
@@ -166,21 +166,21 @@ class Writer:
             return rename or self.path
 
     def abandon(self) -> None:
-        """Let go of the file: what is committed stays."""
+        """Let go of the file; committed rows stay."""
         _writers.pop(self._key, None)
         left = self._place if self._place != self.path else beside(self.path)
-        with LIBRARY, suppress(OSError, RuntimeError):  # what cannot be written was not committed, and has been told
+        with LIBRARY, suppress(OSError, RuntimeError):  # rows that cannot be written were not committed
             left.unlink(missing_ok=True)
             self._dataset.close()
         self._let_go()
 
     def _let_go(self) -> None:
-        """Let others have the file that this one has replaced, or would have."""
+        """Release the lock on the file that this one has replaced, or was to replace."""
         if self._replaced is not None:
             self._replaced.close()
 
     def _make_room(self, needed: dict[str, int]) -> None:
-        """Have chunks enough, and the disk's word for their bytes: the library damages files that find none."""
+        """Provide chunks, and reserve disk space for them, because the library damages a file when the disk is full."""
         lengths = chunks.longer(self._chunks, needed)
         if lengths != self._chunks:
             self._rewrite(lengths)
@@ -191,7 +191,7 @@ class Writer:
             self._reserved = end
 
     def _rewrite(self, lengths: dict[str, int]) -> None:
-        """Go on in a copy of what is committed, with chunks of these lengths."""
+        """Continue in a copy of the committed rows, with chunks of these lengths."""
         ends = {"time": self.rows, "step": max(self.rows - 1, 0), **self.ends}
         fresh = beside(self.path)
         dataset = _fresh(fresh)
@@ -205,17 +205,17 @@ class Writer:
         before.close()
 
     def _require_own(self) -> None:
-        """Refuse to go on with a file that nobody would find."""
+        """Refuse to write to a file that no longer has its name."""
         if which(self._place) != self._identity:
             raise OSError(f"{self._place.name} is another file now; is another run writing it?")
 
     def _count(self, what: str, number: int) -> None:
-        """Commit what has been written."""
+        """Commit written rows or subproblems, by writing their number."""
         self._dataset[what][...] = number
         self._dataset.sync()
 
     def _ends_with(self, problems: Block | None) -> dict[str, int]:
-        """Where subproblems end once these are appended."""
+        """Return the ends of the subproblems once these are appended."""
         if problems is None:
             return self.ends
         added = {"problem": len(problems["rows"])}

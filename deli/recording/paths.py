@@ -1,4 +1,4 @@
-"""Where a run is recorded, and whether that is possible."""
+"""Paths of recorded runs, and checks that a run can be recorded there."""
 
 import os
 from pathlib import Path
@@ -7,16 +7,16 @@ from deli.errors import InputError
 
 SUFFIXES = (".nc", ".nc4", ".netcdf")
 LONGEST_SHOWN = 300
-"""Letters of a name that is too long."""
+"""Letters shown of a name that is too long."""
 
 
 def partial_path(output: str | os.PathLike[str]) -> Path:
-    """Where rows of an unfinished run are kept."""
+    """Return the path of the rows of an unfinished run."""
     return Path(f"{os.fspath(output)}.partial")
 
 
 def check_name(word: str, path: Path) -> None:
-    """Refuse a path that no file can have, and one through links that lead in a circle.
+    """Refuse a path that no file can have, and a path through links that lead in a circle.
 
     Raises
     ------
@@ -28,7 +28,7 @@ def check_name(word: str, path: Path) -> None:
         path.stat()
     except (FileNotFoundError, NotADirectoryError, PermissionError):
         return
-    except (OSError, ValueError) as error:  # the latter of letters that no name can have
+    except (OSError, ValueError) as error:  # ValueError: letters that no name can have
         shown = os.fspath(path)[:LONGEST_SHOWN]
         raise InputError(
             f"{word} {shown} cannot be used: {getattr(error, 'strerror', error)}; name another."
@@ -36,7 +36,7 @@ def check_name(word: str, path: Path) -> None:
 
 
 def check_output(output: Path, *, resume: bool, overwrite: bool) -> None:
-    """Refuse an output that cannot be written, or that holds something, before anything is computed.
+    """Refuse an output that cannot be written, or that exists, before anything is computed.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Where a run comes from: its whole configuration, the software, the machine, the times."""
+"""Provenance of a run: its whole configuration, the software, the machine, the times."""
 
 import dataclasses
 import functools
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 CUSTOM = "custom"
 ENSEMBLE = "ensemble"
 MADE_IN_PYTHON = {
-    CUSTOM: "its scene is the user's own, made in Python, whose families no config holds; run the script that made it",
-    ENSEMBLE: "it is of an ensemble of scenes, made in Python, which no config holds; run the script that made it",
+    CUSTOM: "its scene is the user's own, made in Python, and a config holds no families; run the script that made it",
+    ENSEMBLE: "it is of an ensemble of scenes made in Python, and a config holds only one; run the script that made it",
 }
-"""What stands for a scene in a run's config where no registered scene does."""
+"""Names in a run's config of scenes that are not registered, and the reason why such a config does not run again."""
 NONE_USED = "none used"
 ONLY_WITH: dict[tuple[str, str], tuple[str, str]] = {("gvi", "order"): ("reflection", "sequential")}
-"""Settings of methods that mean nothing but with another setting."""
+"""Settings of methods that have a meaning only with another setting."""
 SOFTWARE = ("deli_version", "cvxpy_version", "numpy_version", "python_version", "machine")
 BETWEEN_SESSIONS = "; "
 
@@ -45,7 +45,7 @@ logger = logging.getLogger("deli")
 
 
 def describe(scene: Scene, method: Any, **settings: Any) -> dict[str, Any]:
-    """Everything that decides what a run computes, in the words of a config file.
+    """Return all settings that decide the numbers of a run, in the form of a config file.
 
     A scene that its registered name and parameters do not reproduce (a user's own, or one changed afterwards) is
     called ``custom``: its content is in the attribute ``scene``, see `deli.recording.scene_record`.
@@ -53,10 +53,10 @@ def describe(scene: Scene, method: Any, **settings: Any) -> dict[str, Any]:
     Parameters
     ----------
     scene, method
-        What is run.
+        The scene and the method of the run.
     settings
-        Keyword arguments of `deli.simulate` that matter: step_size, steps, every, skip, contact_tolerance, solvers,
-        subproblems.
+        Keyword arguments of `deli.simulate` that decide numbers: step_size, steps, every, skip, contact_tolerance,
+        solvers, subproblems.
     """
     choices = parse_choices(settings.pop("solvers"))
     record = {"every": settings.pop("every"), "subproblems": settings.pop("subproblems", 0) or None}
@@ -72,17 +72,17 @@ def describe(scene: Scene, method: Any, **settings: Any) -> dict[str, Any]:
 
 
 def method_name(method: type) -> str:
-    """Name of a method's class in a config: ``DiscreteSmooth`` is ``discrete_smooth``."""
+    """Return the name of a method's class in a config: ``DiscreteSmooth`` is ``discrete_smooth``."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", method.__name__).lower()
 
 
 def scene_of(run: "xr.DataTree") -> Scene | None:
-    """The scene a run was computed with, or None if it was a user's own and cannot be rebuilt.
+    """Return the scene of a run, or None for a user's own scene, which cannot be rebuilt.
 
     Raises
     ------
     InputError
-        If the recorded config makes no scene, or one of another size than the run's.
+        If the recorded config makes no scene, or a scene of another size than the run's.
     """
     table = dict(tomllib.loads(run.attrs["config"])["scene"])
     name = table.pop("name")
@@ -102,7 +102,7 @@ def scene_of(run: "xr.DataTree") -> Scene | None:
 
 
 def attributes(config: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
-    """Root attributes that are known when a run starts."""
+    """Return the root attributes that are known when a run starts."""
     return {
         "Conventions": CONVENTIONS,
         "title": title(config),
@@ -121,7 +121,7 @@ def attributes(config: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
 
 
 def config_text(config: Mapping[str, Any]) -> str:
-    """Config as TOML, which `deli run` carries out again; where it cannot, the first line says why."""
+    """Return a config as TOML, which `deli run` carries out again; where it cannot, the first line says why."""
     scene, method = config["scene"]["name"], config["method"]["name"]
     backends = {choice["backend"] for choice in config["solvers"].values()} - {*BUILTIN, *CHAINS}
     own = sorted(name for name in backends if not name.startswith(REFERENCE))
@@ -136,7 +136,7 @@ def config_text(config: Mapping[str, Any]) -> str:
 
 
 def title(config: Mapping[str, Any]) -> str:
-    """One line that says what is run; settings that mean nothing are left out."""
+    """Return a line that describes a run, without settings that have no meaning in it."""
     method = dict(config["method"])
     name = method.pop("name")
     said = [
@@ -150,7 +150,7 @@ def title(config: Mapping[str, Any]) -> str:
 
 
 def conserved_momenta(scene: Scene) -> dict[str, str]:
-    """Components of linear and angular momentum that the scene's symmetry keeps constant, and those that it may."""
+    """Return the components of momentum that the scene's symmetry conserves, and the undecided ones."""
     rotation_axes = {1: (), 2: ("z",), 3: AXES}[scene.dimension]
     linear = dict(zip(AXES, scene.symmetry.linear, strict=False))
     angular = dict(zip(rotation_axes, scene.symmetry.angular, strict=True))
@@ -165,13 +165,13 @@ def conserved_momenta(scene: Scene) -> dict[str, str]:
 
 
 def backend_versions(names: Iterable[str], recorded: str = NONE_USED) -> str:
-    """Backends that solved something with their versions, separated by commas, and those `recorded` earlier."""
+    """Return the backends that solved something, with versions, and those `recorded` earlier, separated by commas."""
     earlier = set() if recorded == NONE_USED else set(recorded.split(", "))
     return ", ".join(sorted(earlier | {f"{name} {backend_version(name)}" for name in names})) or NONE_USED
 
 
 def backend_version(name: str) -> str:
-    """Version of the package a backend comes from; of a backend registered by hand, nobody knows it."""
+    """Return the version of a backend's package; the version of a backend registered by hand is unknown."""
     if name.startswith(REFERENCE):
         return version("cvxpy")
     return version(BUILTIN[name][1]) if name in BUILTIN else "(registered by the user)"
@@ -179,24 +179,24 @@ def backend_version(name: str) -> str:
 
 @functools.cache
 def version(distribution: str) -> str:
-    """Version of an installed distribution, which is that of what is loaded however long the process lives."""
+    """Return the version of an installed distribution; it is kept, because loaded code does not change."""
     return importlib.metadata.version(distribution)
 
 
 def machine() -> str:
-    """Operating system and number of processors."""
+    """Return the operating system and the number of processors."""
     return f"{platform.platform()}, {os.cpu_count()} CPUs"
 
 
 def now() -> str:
-    """The present, in UTC, ISO 8601."""
+    """Return the present time, in UTC, ISO 8601."""
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 def continued(recorded: Mapping[str, Any], attributes: Mapping[str, Any], path: object) -> dict[str, Any]:
-    """Root attributes of a run that goes on: those of its beginning, with the software and machines of all sessions.
+    """Return root attributes of a resumed run: those of its beginning, with software and machines of all sessions.
 
-    Another version of deli or numpy is no other run, but its rows need not be the same to the bit: a log line says so.
+    A run may go on with another version of deli or numpy. A log line says that its rows may then differ by rounding.
     """
     found = {key: recorded.get(key, value) for key, value in attributes.items()} | {"outcome": attributes["outcome"]}
     for key in SOFTWARE:
@@ -211,7 +211,7 @@ def continued(recorded: Mapping[str, Any], attributes: Mapping[str, Any], path: 
 
 
 def require_same(recorded: str, config: Mapping[str, Any], path: object) -> None:
-    """Refuse to resume a run with another configuration than the file's.
+    """Refuse to resume a run with a configuration other than the file's.
 
     Raises
     ------
@@ -231,7 +231,7 @@ def require_same(recorded: str, config: Mapping[str, Any], path: object) -> None
 
 
 def flatten(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """A nested table with dotted keys."""
+    """Return a nested table as a flat table with dotted keys."""
     flat: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, Mapping):
@@ -242,7 +242,7 @@ def flatten(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """Mappings, arrays and numbers in the types that TOML knows; None is left out of tables."""
+    """Return mappings, arrays and numbers in the types of TOML; None is left out of tables."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items() if item is not None}
     if isinstance(value, np.ndarray | np.generic):
@@ -260,7 +260,7 @@ def _describe_scene(scene: Scene) -> dict[str, Any]:
 
 
 def _registered(scene: Scene) -> bool:
-    """Whether a scene is one that its registered name and its parameters make again."""
+    """Return whether a scene's registered name and its parameters make the same scene again."""
     if scene.name not in scenes.available():
         return False
     try:

@@ -1,7 +1,7 @@
-"""Reading recorded runs: committed rows only, from files that are finished, cut short, still growing, or damaged.
+"""Reading of recorded runs: committed rows only, from files that are finished, cut short, still growing, or damaged.
 
-Files that deli has closed are sealed, and read as they are once the seal is found intact. Others are read by a process
-of its own, which a damaged file can kill.
+Files that deli has closed are sealed, and are read in this process if the seal is intact. Other files are read in a
+process of their own, because a damaged file can kill it.
 """
 
 import logging
@@ -30,7 +30,7 @@ logger = logging.getLogger("deli")
 
 
 def open_tree(path: Path) -> "xr.DataTree":
-    """Read a file as users see it: the run of `read`, or an ensemble.
+    """Return the run of a file, see `read`, or its ensemble, as the tree that users get.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def open_tree(path: Path) -> "xr.DataTree":
     """
     contents = contents_of(path)
     if holds_ensemble(contents):
-        from deli.recording.ensemble_file import tree_of  # by way of xarray, which takes a second to import
+        from deli.recording.ensemble_file import tree_of  # imports xarray, which takes a second
 
         return tree_of(contents, path)
     groups, attributes = read(path, contents)
@@ -47,12 +47,15 @@ def open_tree(path: Path) -> "xr.DataTree":
 
 
 def holds_ensemble(contents: Contents) -> bool:
-    """Whether a file is of an ensemble."""
+    """Return whether a file holds an ensemble."""
     return MEMBER in contents.sizes["/"] and TRAJECTORY in contents.groups
 
 
 def read(path: Path, contents: Contents | None = None) -> tuple[Groups, dict[str, Any]]:
     """Read the committed rows of a file, finished or not.
+
+    A log line names a finished file that another program has written again; `deli.recording.verify` says whether its
+    rows are those that were recorded.
 
     Returns
     -------
@@ -64,9 +67,7 @@ def read(path: Path, contents: Contents | None = None) -> tuple[Groups, dict[str
     Raises
     ------
     InputError
-        If the file is missing, is no netCDF file, holds no run, or is damaged. Of a finished file that another program
-        has written to since, `deli.recording.verify` says whether rows are those that were recorded. A log line names
-        a file that another program has written once more.
+        If the file is missing, is not a netCDF file, holds no run, or is damaged.
     """
     groups, contents = _run(path, contents)
     if structure.rewritten(contents, path):
@@ -75,7 +76,7 @@ def read(path: Path, contents: Contents | None = None) -> tuple[Groups, dict[str
 
 
 def read_unfinished(path: Path) -> Unfinished:
-    """Read the committed rows of a partial file, to continue it.
+    """Read the committed rows of a partial file that is to be continued.
 
     Raises
     ------
@@ -89,12 +90,12 @@ def read_unfinished(path: Path) -> Unfinished:
 
 
 def read_attributes(path: Path) -> dict[str, Any]:
-    """Read root attributes only.
+    """Read the root attributes of a file only.
 
     Raises
     ------
     InputError
-        If the file is missing, no netCDF file, or damaged.
+        If the file is missing, is not a netCDF file, or is damaged.
     """
     attributes = contents_of(path, values=False).attributes
     structure.require_attributes(attributes, path)
@@ -102,13 +103,13 @@ def read_attributes(path: Path) -> dict[str, Any]:
 
 
 def read_subproblems(path: Path) -> tuple[list[PosedSubproblem], list[str]]:
-    """Read the subproblems in a file: a run's, or a library's.
+    """Read the subproblems of a run or of a library.
 
     Returns
     -------
     problems : list of PosedSubproblem
     origins : list of str
-        Where each comes from, in a word; of a run, its scene.
+        The origin of each, in a word; for a run, the name of its scene.
 
     Raises
     ------
@@ -133,20 +134,20 @@ def read_subproblems(path: Path) -> tuple[list[PosedSubproblem], list[str]]:
 
 @dataclass(frozen=True)
 class Examined:
-    """A file as `deli.recording.verify` looks at it.
+    """A file with the evidence that `deli.recording.verify` judges.
 
     Attributes
     ----------
     groups, attributes : dict
         See `read`.
     stored : int
-        Rows that it holds, committed or not.
+        Number of rows in the file, committed or not.
     counted : bool
-        Whether they are counted; another program that wrote the file may have left some out.
+        Whether the number of committed rows is known; another program that wrote the file may have left rows out.
     sealed : bool
-        Whether it has the digest of its content.
+        Whether the file has the digest of its content.
     broken : list of str, or None
-        Variables whose committed numbers are not those that were recorded; None where a file has no checksums.
+        Variables whose committed numbers have changed; None for a file without checksums.
     """
 
     groups: Groups
@@ -158,7 +159,7 @@ class Examined:
 
 
 def examine(path: Path, contents: Contents | None = None) -> Examined:
-    """Read a file with what it says about itself.
+    """Read a file with its counts, its seal and its checksums.
 
     Raises
     ------
@@ -187,17 +188,17 @@ def _run(path: Path, contents: Contents | None = None) -> tuple[Groups, Contents
 
 
 def contents_of(path: Path, values: bool = True) -> Contents:
-    """Return what a file holds, and whether that is as it was when it was closed.
+    """Return the contents of a file, `trusted` if they are as deli wrote them.
 
     Raises
     ------
     InputError
-        If it cannot be read.
+        If the file cannot be read.
     """
     if not path.exists():
         raise InputError(f"{path} does not exist.")
     if not path.is_file():
-        raise InputError(f"{path} cannot be read as netCDF: it is no file.")
+        raise InputError(f"{path} cannot be read as netCDF: it is not a file.")
     live = being_written(path)
     if not live and not _sealed(path):
         return load_apart(path, values)
@@ -208,13 +209,13 @@ def contents_of(path: Path, values: bool = True) -> Contents:
 
 
 def _sealed(path: Path) -> bool:
-    """Whether a file is sealed; one whose seal is broken, or that was cut off, is refused."""
+    """Return whether a file is sealed; refuse a file whose seal is broken, or that was cut off."""
     try:
         found, length, stated = intact(path), path.stat().st_size, stated_length(path)
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error}).") from error
     if found is False:
-        refuse(path, "its content is not what it was when it was closed: the digest differs")
+        refuse(path, "its content has changed since it was closed: the digest differs")
     if stated is not None and length < stated:
         hint = "; if a run is writing it, try again in a moment" if path.suffix == ".partial" else ""
         refuse(path, f"it was cut off, {length:,} of {stated:,} bytes are there{hint}")

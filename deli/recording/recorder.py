@@ -19,7 +19,7 @@ STAT_NAMES = (*COUNTS, *TIMES, *RESIDUALS, "status")
 
 
 class Sink(Protocol):
-    """Takes rows, in order."""
+    """A receiver of rows, in order."""
 
     def write(self, first_row: int, trajectory: Block, stats: Block, problems: Block | None = None) -> None:
         """Keep rows `first_row`, `first_row` + 1, ... and the steps that lead to them (none leads to row 0).
@@ -29,7 +29,7 @@ class Sink(Protocol):
 
 
 class Memory:
-    """Keeps rows in memory."""
+    """A sink that keeps rows in memory."""
 
     def __init__(self) -> None:
         self._blocks: list[tuple[Block, Block, Block]] = []
@@ -39,7 +39,7 @@ class Memory:
         self._blocks.append((trajectory, stats, problems or {}))
 
     def collect(self, schema: Schema) -> Groups:
-        """All rows, as they would be read from a file."""
+        """Return all rows, in the form in which a file is read."""
         constants = schema.constants()
         groups: Groups = {}
         for index, (group, variables) in enumerate(schema.groups.items()):
@@ -57,7 +57,7 @@ class Memory:
 
 
 class Recorder:
-    """Holds the rows that a stepper writes, and hands them to a sink.
+    """The buffer for the rows of a stepper, which hands them to a sink.
 
     Parameters
     ----------
@@ -65,16 +65,16 @@ class Recorder:
     step_size : float
     sink : Sink
     first_row : int
-        Rows that earlier sessions have recorded.
+        Number of rows that earlier sessions have recorded.
     memory : tuple of str
-        Names of what the method carries from step to step besides q and p.
+        Names of the quantities besides q and p that the method carries from step to step.
     collector : Collector, optional
-        Who has the subproblems to record.
+        The holder of the subproblems to record.
 
     Attributes
     ----------
     block : Record
-        Where a stepper writes its rows.
+        The record into which a stepper writes its rows.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class Recorder:
         memory: tuple[str, ...] = (),
         collector: Collector | None = None,
     ) -> None:
-        from deli.kernels.advance import make_block  # compiles what it imports
+        from deli.kernels.advance import make_block  # the import compiles kernels
 
         self._scene = scene
         self._step_size = step_size
@@ -100,7 +100,7 @@ class Recorder:
 
     @property
     def buffered(self) -> int:
-        """Rows that the sink has not got yet."""
+        """Number of rows that the sink has not received yet."""
         return int(self.block.fields.progress[1])
 
     @property
@@ -110,7 +110,7 @@ class Recorder:
 
     @property
     def rows(self) -> int:
-        """Rows in total, those of earlier sessions included."""
+        """Number of all rows, those of earlier sessions included."""
         return self._first_row + self.buffered
 
     @property
@@ -121,7 +121,7 @@ class Recorder:
     def flush(self, last: bool = False) -> None:
         """Hand all buffered rows to the sink, and the subproblems of the steps that lead to them.
 
-        With `last`, also those of later steps, which lead to no row.
+        With `last`, hand over the subproblems of later steps too, which lead to no row.
         """
         count, block = self.buffered, self.block.fields
         problems = self._problems(last)
@@ -156,9 +156,9 @@ class Recorder:
 
 
 def named_diagnostics(columns: np.ndarray, dimension: int) -> Block:
-    """Diagnostics of rows by name, views of the columns that kernels write, shape (..., columns)."""
+    """Return diagnostics of rows by name, as views of the columns that kernels write, shape (..., columns)."""
     kinetic, potential, gap, mismatch = (columns[..., k] for k in range(4))
-    with np.errstate(invalid="ignore"):  # energies that overflow, of either sign: `deli check` finds the row
+    with np.errstate(invalid="ignore"):  # energies of either sign may overflow; `deli check` finds the row
         total = kinetic + potential
     values = {
         "hamiltonian": total,
@@ -175,6 +175,6 @@ def named_diagnostics(columns: np.ndarray, dimension: int) -> Block:
 
 
 def diagnose(scene: Scene, q: np.ndarray, p: np.ndarray) -> Block:
-    """Energies, momenta, the smallest gap and the equality residual of states q, p of shape (rows, dof)."""
+    """Return energies, momenta, the smallest gap and the equality residual of states q, p of shape (rows, dof)."""
     stepper = DiscreteSmooth("verlet").stepper(scene, 1.0)
     return named_diagnostics(stepper.diagnose(q, p), scene.dimension)

@@ -1,7 +1,7 @@
-"""Record of a scene in a run's attributes, and whether a run that goes on is of the same scene.
+"""Record of a scene in a run's attributes, and comparison of other scenes with it.
 
-The attribute ``scene`` is the scene's content as TOML, see `deli.mechanics.content.scene_content`, and ``scene_digest``
-one digest of all that decides the motion.
+The attribute ``scene`` is the scene's content as TOML, see `deli.mechanics.content.scene_content`. The attribute
+``scene_digest`` is a digest of all numbers that decide the motion.
 """
 
 import logging
@@ -28,15 +28,15 @@ logger = logging.getLogger("deli")
 
 
 def scene_attributes(scene: Scene) -> dict[str, str]:
-    """Root attributes that say which scene a run is of."""
+    """Return the root attributes that describe the scene of a run."""
     content = scene_content(scene)
     functions = ", ".join(sampled(content))
-    note = f"# {functions}: functions in Python, of which samples are recorded, and compared when a run goes on.\n"
+    note = f"# {functions}: functions in Python; samples of them are recorded, and compared when a run is resumed.\n"
     return {SCENE: (note if functions else "") + tomli_w.dumps(content), DIGEST: scene_digest(scene)}
 
 
 def differing(attributes: Mapping[Any, Any], scene: Scene) -> list[str] | None:
-    """Say in what a scene differs from that of a run with these attributes; None where those do not describe one.
+    """Return the differences of a scene from the scene that attributes describe; None where they describe none.
 
     Functions in Python are compared by their samples.
     """
@@ -47,14 +47,14 @@ def differing(attributes: Mapping[Any, Any], scene: Scene) -> list[str] | None:
 
 
 def require_scene_of(run: "xr.DataTree", scene: Scene) -> None:
-    """Refuse a scene that is not the run's: one of another size or of another digest.
+    """Refuse a scene that is not the run's: a scene of another size or another digest.
 
-    Of a run without a digest, such as a member of an ensemble, only the size is known.
+    A run without a digest, such as a member of an ensemble, is compared by its size only.
 
     Raises
     ------
     InputError
-        Naming both scenes, and where they differ.
+        If it is another; the message names both scenes and their differences.
     """
     described, sizes = tomllib.loads(run.attrs["config"])["scene"], run.children[TRAJECTORY].sizes
     digest, recorded = scene_digest(scene), run.attrs.get(DIGEST)
@@ -77,18 +77,18 @@ def _size(bodies: int, dimension: int) -> str:
 
 
 def require_same_scene(attributes: Mapping[Any, Any], scene: Scene, path: Path) -> None:
-    """Refuse to go on with another scene than the file's; warn of functions, of which only samples are known.
+    """Refuse to resume a run with a scene other than the file's; warn of functions, which are compared by samples.
 
     Raises
     ------
     InputError
-        Naming the arrays and the families that differ.
+        If it is another; the message names the arrays and the families that differ.
     """
     found = differing(attributes, scene)
     if found is None:
         raise InputError(
-            f"{path} cannot be resumed: its attribute {SCENE} is missing or describes no scene, so nobody knows which "
-            "it is of. Overwrite it, or name another output."
+            f"{path} cannot be resumed: its attribute {SCENE} is missing or describes no scene, so the scene of "
+            "its rows is unknown. Overwrite it, or name another output."
         )
     if found:
         more = f"; and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
@@ -98,6 +98,4 @@ def require_same_scene(attributes: Mapping[Any, Any], scene: Scene, path: Path) 
         )
     functions = sampled(scene_content(scene))
     if functions:
-        logger.warning(
-            "%s goes on with %s: functions in Python, of which only samples were compared", path, ", ".join(functions)
-        )
+        logger.warning("%s goes on with %s: functions in Python, compared by samples only", path, ", ".join(functions))

@@ -1,4 +1,4 @@
-"""What a recorded run contains: every variable with its dimensions, type, units and long name."""
+"""The schema of a recorded run: every variable with its dimensions, type, units and long name."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -24,10 +24,10 @@ UNITS_NOTE = (
 )
 AXES = ("x", "y", "z")
 UNDECIDED = "undecided_momenta"
-"""Attribute that names components of momentum of which it is unknown whether the scene conserves them."""
+"""Attribute that names the components of momentum whose conservation is undecided."""
 TRAJECTORY, STATS, POSED = "trajectory", "solver_stats", "subproblems"
 MEMBER = "member"
-"""The dimension along which an ensemble has its runs."""
+"""The dimension of an ensemble's members."""
 
 VariableData = tuple[tuple[str, ...], np.ndarray, dict[str, Any]]  # dims, values, attributes
 Groups = dict[str, dict[str, VariableData]]
@@ -38,9 +38,9 @@ class Schema:
     """The groups of a run of a system with `dof` degrees of freedom in `dimension` dimensions.
 
     Group ``trajectory`` grows along ``time`` (row 0 is the initial state), group ``solver_stats`` along ``step``:
-    ``step`` k leads from row k to row k + 1 and sums up all integration steps between them. `memory` names what the
-    method carries from step to step besides position and momentum. With `subproblems` there is a group ``subproblems``,
-    which grows along ``problem`` and the ragged dimensions that hold its numbers.
+    ``step`` k leads from row k to row k + 1 and sums up all integration steps between them. `memory` names the
+    quantities besides position and momentum that the method carries from step to step. With `subproblems` there is a
+    group ``subproblems``, which grows along ``problem`` and the ragged dimensions that hold its numbers.
     """
 
     dof: int
@@ -67,11 +67,11 @@ class Schema:
         return sum(n * np.dtype(variable.dtype).itemsize for n, variable in zip(places, growing, strict=True))
 
     def growing(self, group: str) -> tuple[str, ...]:
-        """Names of the variables of a group that rows, or subproblems, are appended to."""
+        """Return the names of the variables of a group that rows, or subproblems, are appended to."""
         return tuple(variable.name for variable in self.groups[group] if variable.grows)
 
     def constants(self) -> dict[str, Block]:
-        """Values of the coordinates that do not grow, by group."""
+        """Return the values of the variables that do not grow, by group."""
         body = np.repeat(np.arange(self.dof // self.dimension), self.dimension)
         direction = np.tile(np.array(AXES[: self.dimension]), self.dof // self.dimension)
         return {
@@ -94,7 +94,7 @@ class Schema:
         return variables + _CONTACT + tuple(_MEMORY[name] for name in self.memory)
 
 
-_WORK = "in all attempts at the steps, discarded ones included"  # contacts are those of the steps as they were taken
+_WORK = "in all attempts at the steps, discarded ones included"  # contacts are counted in accepted steps only
 
 
 def _time(name: str, long_name: str) -> Variable:
@@ -144,14 +144,14 @@ _CONTACT = (
         ("time",),
         "i8",
         "1",
-        "contacts that the step that leads to the row holds: its smooth set; 0 for steps from event to event",
+        "contacts in the smooth set of the step that leads to the row; 0 for steps from event to event",
     ),
     Variable(
         "reflected_contacts",
         ("time",),
         "i8",
         "1",
-        "contacts reflected in the steps since the row before, each once a reflection, none of discarded attempts",
+        "contacts reflected in the steps since the previous row, once for each reflection, without discarded attempts",
     ),
 )
 _MEMORY = {
@@ -191,20 +191,20 @@ _STATS = (
 
 
 def remembered(names: Iterable[str]) -> tuple[str, ...]:
-    """Which of these names are of what a method carries from step to step."""
+    """Return the names among these of quantities that a method carries from step to step."""
     found = set(names)
     return tuple(name for name in _MEMORY if name in found)
 
 
 def coordinates(group: str) -> tuple[str, ...]:
-    """Names in a group that are coordinates rather than data."""
+    """Return the names of the coordinates of a group."""
     named = {TRAJECTORY: ("time", "dof", "body", "direction", "axis"), STATS: ("step", "subproblem")}
     return named.get(group, ())
 
 
 def build_tree(groups: Groups, attributes: Mapping[str, Any]) -> "xr.DataTree":
-    """Put variables and root attributes into the tree that users see."""
-    import xarray as xr  # takes half a second, and the names in this file are wanted without it
+    """Return variables and root attributes as the tree that users get."""
+    import xarray as xr  # takes half a second, and most of this module needs none
 
     datasets = {"/": xr.Dataset(attrs=dict(attributes))}
     for group, variables in groups.items():
@@ -214,7 +214,7 @@ def build_tree(groups: Groups, attributes: Mapping[str, Any]) -> "xr.DataTree":
 
 
 def dataset_of(run: "xr.DataTree", group: str) -> "xr.Dataset":
-    """One group of a run, with its coordinates; of a member of an ensemble as far as the member got.
+    """Return a group of a run with its coordinates; for a member of an ensemble, only the rows that it has reached.
 
     Raises
     ------
@@ -233,5 +233,5 @@ def dataset_of(run: "xr.DataTree", group: str) -> "xr.Dataset":
 
 
 def reached(position: np.ndarray) -> int:
-    """Return how many rows a member of an ensemble has got to, by its positions; further ones are nan."""
+    """Return the number of rows that a member of an ensemble has reached; positions of later rows are nan."""
     return int(np.count_nonzero(~np.isnan(position).all(axis=-1)))

@@ -1,6 +1,6 @@
-"""The seal of a file that deli has closed: a digest of its content, behind the end that HDF5 knows.
+"""The seal of a file that deli has closed: a digest of its content, after the end of the HDF5 data.
 
-Readers of HDF5 do not see it. Whatever writes to the file through HDF5, if only by opening it so, cuts it off.
+Readers of HDF5 do not see it. A program that opens the file for writing through HDF5 cuts it off.
 """
 
 import hashlib
@@ -12,7 +12,7 @@ LENGTH = len(MARK) + hashlib.sha256().digest_size
 
 
 def seal(path: Path) -> None:
-    """Append the digest of a file, and have it on disk."""
+    """Append the digest of a file, and sync it to the disk."""
     digest = _digest(path, path.stat().st_size)
     with path.open("ab") as file:
         file.write(MARK + digest)
@@ -21,12 +21,12 @@ def seal(path: Path) -> None:
 
 
 def sealed(path: Path) -> bool:
-    """Whether a file ends with a seal, whatever its content is: what was cut off or replaced does not."""
+    """Return whether a file ends with a seal, without a check of its content; a file that was cut off does not."""
     return _recorded(path) is not None
 
 
 def intact(path: Path) -> bool | None:
-    """Whether a file's content is what was sealed; None where there is no seal."""
+    """Return whether a file's content is the sealed content; None where there is no seal."""
     recorded = _recorded(path)
     return None if recorded is None else recorded == _digest(path, path.stat().st_size - LENGTH)
 

@@ -1,4 +1,4 @@
-"""Whether what a file holds is a run: names, shapes, types and ranges, before anything is made of its numbers."""
+"""Checks that a file holds a run: names, shapes, types and ranges, before its numbers are used."""
 
 import math
 import tomllib
@@ -33,11 +33,11 @@ MOMENTA = ("conserved_linear_momentum", "conserved_angular_momentum")
 
 
 def run_of(contents: Contents, path: Path) -> Groups:
-    """Make a run of what a file holds.
+    """Return the run that a file holds.
 
-    Another program may have written a finished run once more: with rows left out, with variables added to deli's
-    groups, with words of any length, with its own marks of what is missing. That is a run as long as each variable of
-    deli's is there, in its type.
+    Another program may have written a finished run again: with rows left out, with variables added to deli's groups,
+    with words of variable length, with its own marks of missing values. The file still holds a run if each of deli's
+    variables is there, in its type.
 
     Returns
     -------
@@ -47,7 +47,7 @@ def run_of(contents: Contents, path: Path) -> Groups:
     Raises
     ------
     InputError
-        Naming what was found where something else must be.
+        If the file holds none; the message names the contents found and those expected.
     """
     missing = [name for name in (TRAJECTORY, STATS) if name not in contents.groups]
     if COMMITTED not in contents.root and path.suffix == ".partial":
@@ -65,13 +65,13 @@ def run_of(contents: Contents, path: Path) -> Groups:
         return _groups(contents, path)
     except Damaged as error:
         raise InputError(
-            f"{path} was written by another program, and is no run any more: {error.what}. Save every variable of the "
+            f"{path} was written by another program, and is no longer a run: {error.what}. Save every variable of the "
             "run, in its own type; rows may be left out."
         ) from error
 
 
 def rewritten(contents: Contents, path: Path) -> bool:
-    """Whether another program has written a finished run once more: rows are not counted, or not as many are there."""
+    """Return whether another program has written a finished run again: rows are not counted, or fewer are there."""
     if COMMITTED not in contents.root:
         return True
     if contents.trusted or path.suffix == ".partial":
@@ -105,7 +105,7 @@ def _groups(contents: Contents, path: Path) -> Groups:
 
 
 def _added(stored: Mapping[str, Stored], known: Mapping[str, VariableData]) -> dict[str, VariableData]:
-    """Variables of numbers that somebody has added to a group of deli's."""
+    """Return the numeric variables that another program has added to a group of deli's."""
     return {
         name: (one.dims, decoded(one), described(one))
         for name, one in stored.items()
@@ -114,12 +114,12 @@ def _added(stored: Mapping[str, Stored], known: Mapping[str, VariableData]) -> d
 
 
 def problems_of(contents: Contents, path: Path) -> dict[str, VariableData]:
-    """Return the committed subproblems that a file holds, a run's or a library's.
+    """Return the committed subproblems of a run or of a library.
 
     Raises
     ------
     InputError
-        Naming what was found where something else must be.
+        If the file holds none; the message names the contents found and those expected.
     """
     lengths = contents.sizes[POSED]
     count = lengths.get("problem", 0)
@@ -143,11 +143,12 @@ def problems_of(contents: Contents, path: Path) -> dict[str, VariableData]:
 
 
 def require_schema(groups: Groups, schema: Schema, path: Path) -> None:
-    """Refuse a run of another system than that of a schema.
+    """Refuse a run whose system is not that of a schema.
 
     Raises
     ------
     InputError
+        If a variable is missing, or has another shape.
     """
     for group, variables in schema.groups.items():
         for variable in variables:
@@ -161,11 +162,12 @@ def require_schema(groups: Groups, schema: Schema, path: Path) -> None:
 
 
 def number_of(root: Mapping[str, Stored], name: str, path: Path) -> float:
-    """Return a number >= 0 that stands in the root of a file.
+    """Return a number from the root of a file.
 
     Raises
     ------
     InputError
+        If there is no finite number >= 0 of that name.
     """
     found = root[name].values if name in root else np.array(())
     if found.shape or not np.isfinite(found) or found < 0:
@@ -174,11 +176,12 @@ def number_of(root: Mapping[str, Stored], name: str, path: Path) -> float:
 
 
 def require_attributes(attributes: dict[str, Any], path: Path) -> None:
-    """Refuse a file whose root does not say what was run, by what, and how it ended.
+    """Refuse a file whose root does not state the configuration, the software and the outcome of a run.
 
     Raises
     ------
     InputError
+        If an attribute is missing, or has a value that is not allowed.
     """
     for name in (*TEXTS, *MOMENTA):
         if not isinstance(attributes.get(name), str):
@@ -193,12 +196,12 @@ def require_attributes(attributes: dict[str, Any], path: Path) -> None:
 
 
 def config_of(attributes: dict[str, Any], path: Path) -> dict[str, Any]:
-    """Return the config that is recorded in a file.
+    """Return the config that a file records.
 
     Raises
     ------
     InputError
-        If it is none.
+        If the attribute is not the config of a run.
     """
     try:
         config = tomllib.loads(attributes.get("config", ""))
@@ -209,23 +212,23 @@ def config_of(attributes: dict[str, Any], path: Path) -> dict[str, Any]:
             refuse(path, f"its attribute config has no {table}.name")
     size = config.get("step_size")
     if isinstance(size, bool) or not isinstance(size, int | float) or not 0 < size < math.inf:
-        refuse(path, f"its attribute config says that step_size is {size!r:.80}, which is no finite number > 0")
+        refuse(path, f"its attribute config says that step_size is {size!r:.80}, which is not a finite number > 0")
     record = config.get("record", {})
     every = record.get("every", 1) if isinstance(record, dict) else record
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
-        refuse(path, f"its attribute config says that record.every is {every!r:.80}, which is no whole number >= 1")
+        refuse(path, f"its attribute config says that record.every is {every!r:.80}, which is not a whole number >= 1")
     if not isinstance(config.get("solvers"), dict):
         refuse(path, "its attribute config has no table solvers")
     return config
 
 
 def _stored(contents: Contents) -> tuple[int, int]:
-    """Rows and steps that are there, committed or not."""
+    """Return the numbers of rows and steps in a file, committed or not."""
     return contents.sizes[TRAJECTORY].get("time", 0), contents.sizes[STATS].get("step", 0)
 
 
 def _lengths(contents: Contents, path: Path) -> tuple[int, int]:
-    """Return how many rows and steps a run has."""
+    """Return the numbers of rows and steps of a run."""
     stored = _stored(contents)
     if rewritten(contents, path):
         if not stored[0]:
@@ -233,7 +236,7 @@ def _lengths(contents: Contents, path: Path) -> tuple[int, int]:
         return stored
     rows = _count(contents.root[COMMITTED], COMMITTED, stored[0], "time", path)
     if rows - 1 > stored[1]:
-        refuse(path, f"{COMMITTED} is {rows}, and there are {stored[1]} along step; at least {rows - 1} lead to them")
+        refuse(path, f"{COMMITTED} is {rows}, but there are {stored[1]} steps; at least {rows - 1} lead to them")
     return rows, max(rows - 1, 0)
 
 
@@ -242,7 +245,7 @@ def _count(stored: Stored, name: str, most: int | None, dimension: str, path: Pa
         refuse(path, f"{name} has the shape {stored.values.shape} and the type {stored.values.dtype}, not one integer")
     count = int(stored.values)
     if count < 0 or (most is not None and count > most):
-        refuse(path, f"{name} is {count}, and there are {most} along {dimension}; allowed are 0 to as many")
+        refuse(path, f"{name} is {count}, but there are {most} along {dimension}; allowed are 0 to that number")
     return count
 
 

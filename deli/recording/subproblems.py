@@ -10,9 +10,9 @@ from deli.subproblems.choices import SUBPROBLEMS
 from deli.subproblems.posed import PosedSubproblem
 
 LEFT_OUT = "left_out"
-ORIGIN = "origin"  # of the problems of a library, which come from several runs
+ORIGIN = "origin"  # of problems in a library, which come from several runs
 COUNTED = {"variable": "variables", "row": "rows", "entry": "entries", "metric_entry": "metric_entries"}
-"""Ragged dimensions, and what says how many places along each belong to a problem."""
+"""Ragged dimensions, and the variable that counts the places of each problem along them."""
 
 
 def _of_problem(name: str, long_name: str, dtype: str = "i8", **extra: Any) -> Variable:
@@ -20,19 +20,19 @@ def _of_problem(name: str, long_name: str, dtype: str = "i8", **extra: Any) -> V
 
 
 def _count(dimension: str, long_name: str) -> Variable:
-    """A count of a contiguous ragged array, as the CF conventions know them."""
+    """Return a count of a contiguous ragged array, in the sense of the CF conventions."""
     return _of_problem(COUNTED[dimension], long_name, sample_dimension=dimension)
 
 
 _KIND = {"flag_values": np.arange(len(SUBPROBLEMS), dtype=np.int8), "flag_meanings": " ".join(SUBPROBLEMS)}
 SUBPROBLEM_VARIABLES = (
     _of_problem("subproblem", "which convex subproblem of an integration step", "i1", **_KIND),
-    _of_problem("step", "integration steps taken before the one that posed it"),
-    _of_problem("solve", "its number among the solves of the same subproblem in the step, from 0"),
+    _of_problem("step", "integration steps taken before the step that posed the problem"),
+    _of_problem("solve", "number among the solves of the same subproblem in the step, counted from 0"),
     _count("variable", "variables of the problem"),
-    _count("row", "rows of the problem, those of its equalities first"),
+    _count("row", "rows of the problem, equations first"),
     _of_problem("equalities", "rows that are equations; they may depend on each other"),
-    _count("entry", "coefficients of its rows"),
+    _count("entry", "coefficients of the rows"),
     _count("metric_entry", "entries of the metric's upper triangle, row by row; 0 where the metric is the identity"),
     _of_problem("primal_residual", "scaled primal residual of the answer; nan without one", "f8"),
     _of_problem("dual_residual", "scaled dual residual of the answer; nan without one", "f8"),
@@ -46,12 +46,12 @@ SUBPROBLEM_VARIABLES = (
     Variable("column", ("entry",), "i4", "1", "variable that the coefficient belongs to, from 0"),
     Variable("value", ("entry",), "f8", "1", "coefficient; rows have unit length"),
     Variable("metric", ("metric_entry",), "f8", "1", "entry of the metric"),
-    Variable(LEFT_OUT, (), "i8", "1", "subproblems that were solved and are not here, because there were enough"),
+    Variable(LEFT_OUT, (), "i8", "1", "subproblems that were solved and not recorded, because the limit was reached"),
 )
 
 
 def pack(problems: Sequence[PosedSubproblem]) -> Block:
-    """Arrays of all problems, by the names of variables in `deli.recording.schema`."""
+    """Return the arrays of all problems, by the names of variables in `deli.recording.schema`."""
     uppers = [() if one.metric is None else one.metric[np.triu_indices(one.variables)] for one in problems]
     residuals = np.array([one.residuals(one.z, one.y) for one in problems]).reshape(-1, 3)
     return {
@@ -79,7 +79,7 @@ def pack(problems: Sequence[PosedSubproblem]) -> Block:
 
 
 def unpack(arrays: Mapping[str, np.ndarray]) -> list[PosedSubproblem]:
-    """The problems whose arrays `pack` returned."""
+    """Return the problems whose arrays `pack` returned."""
     ends = {dimension: np.cumsum(arrays[counts]).tolist() for dimension, counts in COUNTED.items()}
     problems = []
     for number, kind in enumerate(arrays["subproblem"].tolist()):
@@ -109,19 +109,19 @@ def unpack(arrays: Mapping[str, np.ndarray]) -> list[PosedSubproblem]:
 
 
 def find_fault(arrays: Mapping[str, np.ndarray]) -> str:
-    """Say which of the arrays that `pack` returned is not what belongs to the others, or nothing."""
+    """Return the fault of the first array of `pack` that does not fit the others, or an empty text."""
     sizes, rows, entries = (arrays[name] for name in ("variables", "rows", "entries"))
     if not ((arrays["subproblem"] >= 0) & (arrays["subproblem"] < len(SUBPROBLEMS))).all():
         return f"subproblem names others than {', '.join(SUBPROBLEMS)}"
     if not (sizes > 0).all():
         return "variables has a problem without variables"
     if not ((arrays["equalities"] >= 0) & (arrays["equalities"] <= rows)).all():
-        return "equalities has more equations than rows, or fewer than none"
+        return "equalities has more equations than rows, or a number below 0"
     triangles = sizes * (sizes + 1) // 2
     if not ((arrays["metric_entries"] == 0) | (arrays["metric_entries"] == triangles)).all():
-        return "metric_entries is neither none nor a triangle of the problem's variables"
+        return "metric_entries is neither 0 nor the size of a triangle of the problem's variables"
     if not (arrays["row_entries"] >= 0).all():
-        return "row_entries has less than none"
+        return "row_entries has a number below 0"
     through = np.concatenate(([0], np.cumsum(arrays["row_entries"])))[np.concatenate(([0], np.cumsum(rows)))]
     if not np.array_equal(np.diff(through), entries):
         return "row_entries does not add up to entries"
@@ -131,14 +131,14 @@ def find_fault(arrays: Mapping[str, np.ndarray]) -> str:
 
 
 def taken(arrays: Mapping[str, np.ndarray], steps: int) -> Block:
-    """Those of the problems whose arrays `pack` returned that were posed before so many steps had been taken."""
+    """Return the arrays of the problems that were posed before `steps` steps had been taken."""
     ends = places(arrays, int(np.searchsorted(arrays["step"], steps)))
     dims = {variable.name: variable.dims for variable in SUBPROBLEM_VARIABLES}
     return {name: values[: ends[dims[name][0]]] if dims[name] else values for name, values in arrays.items()}
 
 
 def places(counts: Mapping[str, np.ndarray], problems: int) -> dict[str, int]:
-    """Where the first `problems` problems end along each ragged dimension."""
+    """Return the ends of the first `problems` problems along each ragged dimension."""
     return {"problem": problems, **{name: int(counts[count][:problems].sum()) for name, count in COUNTED.items()}}
 
 

@@ -1,4 +1,4 @@
-"""What is known of a run that has not ended, before it goes on."""
+"""The rows of a run that is to be continued."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,9 +16,9 @@ class Unfinished:
     groups : dict
     attributes : dict
     wall_time : float
-        Seconds spent on them.
+        Seconds spent on the rows.
     identity : tuple of int
-        Which file they were read from, and how it was then; see `identity_of`.
+        Identity of the file when the rows were read, see `identity_of`.
     """
 
     groups: Groups
@@ -28,6 +28,6 @@ class Unfinished:
 
 
 def identity_of(path: Path) -> tuple[int, int, int]:
-    """Say which file it is, and how it is: what changes where somebody writes to it."""
+    """Return inode, size and time of modification of a file: they change when it is replaced or written."""
     found = path.stat()
     return found.st_ino, found.st_size, found.st_mtime_ns

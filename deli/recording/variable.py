@@ -1,4 +1,4 @@
-"""One variable of a dataset, and the arrays of many."""
+"""Description of a recorded variable, and blocks of values."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 RAGGED = ("problem", "variable", "row", "entry", "metric_entry")
-"""Dimensions along which the numbers of subproblems stand, one subproblem after the other."""
+"""Dimensions along which the numbers of one subproblem follow those of another."""
 GROWING = ("time", "step", *RAGGED)
 
 Block = dict[str, np.ndarray]
@@ -27,10 +27,10 @@ class Variable:
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """Attributes as they stand in the file and in memory."""
+        """Attributes of the variable, the same in a file and in memory."""
         return {"units": self.units, "long_name": self.long_name, **self.extra}
 
     @property
     def grows(self) -> bool:
-        """Whether rows are appended to the variable while the run goes on."""
+        """Whether rows are appended to the variable during the run."""
         return bool(self.dims) and self.dims[0] in GROWING

@@ -1,4 +1,4 @@
-"""Whether a recorded file is what it says: schema, committed rows, finite numbers, diagnostics that follow."""
+"""Checks of a recorded file: schema, committed rows, finite numbers, diagnostics that follow from the states."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,12 +20,12 @@ MAY_BE_NAN = ("gap_min", "equality_residual", "primal_residual", "dual_residual"
 
 
 def verify(path: Path) -> list[Finding]:
-    """Check a file and return what was found.
+    """Check a file and return the findings.
 
     Raises
     ------
     InputError
-        If it cannot be read at all, or was not recorded by deli.
+        If the file cannot be read at all, or was not recorded by deli.
     """
     contents = reading.contents_of(path)
     if reading.holds_ensemble(contents):
@@ -42,14 +42,14 @@ def verify(path: Path) -> list[Finding]:
 
 
 def _content(found: reading.Examined) -> Finding:
-    """Whether a file's numbers are those that were recorded: by the digest of the file, or by checksums of its rows."""
+    """Check that a file's numbers are those that were recorded: by its digest, or by the checksums of its rows."""
     if found.broken:
         return Finding("content", False, f"checksums differ: {', '.join(found.broken)}")
     if found.sealed:
-        return Finding("content", True, "the digest that the file was closed with")
+        return Finding("content", True, "the digest is that of the closed file")
     if found.broken is None:
         return Finding("content", None, "not sealed: another program wrote the file, without digest and checksums")
-    return Finding("content", True, "checksums of all rows; there is no digest")
+    return Finding("content", True, "the checksums of all rows agree; there is no digest")
 
 
 def _schema(groups: Groups, method: str) -> Finding:
@@ -90,7 +90,7 @@ def _finite(run: xr.DataTree) -> Finding:
             if values.dtype.kind == "f":
                 bad = np.isinf(values.values) if name in MAY_BE_NAN else ~np.isfinite(values.values)
                 wrong += [f"{group}/{name} has {int(bad.sum())}"] if bad.any() else []
-    return Finding("finite values", not wrong, "; ".join(wrong) or "no nan or infinity where none may be")
+    return Finding("finite values", not wrong, "; ".join(wrong) or "no nan or infinity where numbers must be finite")
 
 
 def _times(run: xr.DataTree, config: dict[str, float]) -> Finding:
@@ -102,7 +102,7 @@ def _times(run: xr.DataTree, config: dict[str, float]) -> Finding:
 
 
 def _problems(run: xr.DataTree) -> Finding:
-    """Whether the answers to recorded subproblems are as good as it says."""
+    """Check that the answers to recorded subproblems have the residuals that are recorded."""
     recorded = dataset_of(run, POSED)
     kept, left_out = recorded.sizes["problem"], int(recorded[LEFT_OUT])
     worst = 0.0

@@ -1,4 +1,4 @@
-"""Whether a file of an ensemble is what it says; its members' scenes are not in it, only what they have in common."""
+"""Checks of an ensemble's file, which holds only the common part of its members' scenes."""
 
 import tomllib
 from collections.abc import Iterator
@@ -15,10 +15,10 @@ MAY_BE_NAN = ("gap_min", "equality_residual")
 
 
 def verify_ensemble(run: xr.DataTree, sealed: bool) -> list[Finding]:
-    """Check an ensemble whose structure has been found to hold, and return what was found."""
+    """Check an ensemble whose structure holds, and return the findings."""
     config = tomllib.loads(run.attrs["config"])
     rows = np.array([rows_of(run, member) for member in range(count_members(run))])
-    content = "the digest that the file was closed with" if sealed else "not sealed: another program wrote the file"
+    content = "the digest is that of the closed file" if sealed else "not sealed: another program wrote the file"
     stats = "" if STATS in run.children else "; solver_stats were left out"
     return [
         Finding("outcome", None, run.attrs["outcome"]),
@@ -32,7 +32,7 @@ def verify_ensemble(run: xr.DataTree, sealed: bool) -> list[Finding]:
 
 
 def _rows(run: xr.DataTree, config: dict[str, Any], rows: np.ndarray) -> Finding:
-    """Whether members have the rows that belong to the steps they took."""
+    """Check that members have the rows that belong to the steps they took."""
     steps, every = config["steps"], config.get("record", {}).get("every", 1)
     taken = run.variables["steps_taken"].values
     due = taken // every + 1 + ((taken == steps) & (taken % every > 0))
@@ -52,7 +52,7 @@ def _finite(run: xr.DataTree, rows: np.ndarray) -> Finding:
             bad = np.isinf(values.values) if name in MAY_BE_NAN else ~np.isfinite(values.values)
             bad &= got.reshape(got.shape + (1,) * (bad.ndim - 2))
             wrong += [f"{name} has {int(bad.sum())}"] if bad.any() else []
-    return Finding("finite values", not wrong, "; ".join(wrong) or "no nan or infinity in rows that members got to")
+    return Finding("finite values", not wrong, "; ".join(wrong) or "no nan or infinity in rows that members reached")
 
 
 def _times(run: xr.DataTree, config: dict[str, float]) -> Finding:
@@ -63,7 +63,7 @@ def _times(run: xr.DataTree, config: dict[str, float]) -> Finding:
 
 
 def _sums(run: xr.DataTree) -> Iterator[Finding]:
-    """What follows from the states without a scene: momenta; and the energy from its parts."""
+    """Check the quantities that follow without a scene: momenta from the states, and the energy from its parts."""
     trajectory = dataset_of(run, TRAJECTORY)
     position, momentum = trajectory["position"].values, trajectory["momentum"].values
     shape = (*position.shape[:2], -1, trajectory.sizes["axis"])

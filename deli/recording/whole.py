@@ -1,4 +1,4 @@
-"""Files that are there as a whole or not at all."""
+"""Files that are written as a whole or not at all."""
 
 import os
 from collections.abc import Iterator
@@ -13,17 +13,17 @@ from deli.recording.holding import RecordingError
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Lend the name of a new file beside `path`, whose place it takes once it is written and on the disk.
+    """Yield the path of a new file beside `path`, which replaces `path` once it is written and on the disk.
 
     Raises
     ------
     RecordingError
-        If it cannot be written; what was there before is there still.
+        If the new file cannot be written; a file at `path` stays as it was.
     """
     fresh = path.with_name(f"{path.name}.{os.getpid()}.new")
     try:
         yield fresh
-        with fresh.open("rb+") as file:  # some systems flush files only that may be written
+        with fresh.open("rb+") as file:  # some systems flush only files that are open for writing
             os.fsync(file.fileno())
         os.replace(fresh, path)
     except OSError as error:
@@ -34,7 +34,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text as a whole, see `replacing`."""
+    """Write a text file as a whole, see `replacing`."""
     with replacing(path) as fresh:
         fresh.write_text(text, encoding="utf-8")
 

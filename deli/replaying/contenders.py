@@ -1,4 +1,4 @@
-"""One backend on recorded subproblems, the way a run would hand them to it."""
+"""A backend on recorded subproblems, which are handed to it as in a run."""
 
 import math
 import time
@@ -21,11 +21,11 @@ from solvers.errors import SolverError
 EPSILON = float(np.finfo(float).eps)
 NO_ANSWER = "no_answer"
 STATUSES = (*(str(status) for status in Status), NO_ANSWER)
-"""The verdict on residuals; the last where a backend refused the problem."""
+"""Verdicts on residuals; the last stands for a problem that the backend refused."""
 
 
 class Outcome(NamedTuple):
-    """What a backend made of one subproblem.
+    """The result of a backend on one subproblem.
 
     Attributes
     ----------
@@ -34,15 +34,15 @@ class Outcome(NamedTuple):
     claimed : bool
         Whether the backend said that it solved the problem.
     time, solver_time : float
-        Median seconds of a solve from data to checked answer, and of that inside the backend; inf without an answer.
+        Median seconds of a solve from data to checked answer, and of its part in the backend; inf without an answer.
     iterations : int
-        As the backend counts them.
+        Number of iterations, as the backend counts them.
     residuals : tuple of float
-        Primal, dual and complementarity residual, recomputed; nan where there is no answer.
+        Primal, dual and complementarity residual, recomputed; nan without an answer.
     z : array
-        The answer, nan where there is none.
+        The answer; nan without one.
     multipliers : float
-        Sum of the sizes of its multipliers.
+        Sum of the absolute values of the multipliers.
     polished : bool
         Whether the polish replaced the backend's answer.
     """
@@ -59,9 +59,9 @@ class Outcome(NamedTuple):
 
 
 class Contender:
-    """Solves recorded subproblems through their cvxpy models, compiled by shape, as runs do.
+    """A backend that solves recorded subproblems through their cvxpy models, compiled by shape, as in runs.
 
-    Equality rows that depend on others are left out, and many rows handed over sparse to backends that take them so.
+    Equality rows that depend on others are left out. Backends that take sparse matrices get many rows as one.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class Contender:
         self._choice = choice
 
     def solve(self, posed: PosedSubproblem, repeat: int = 1, limit: float = math.inf) -> Outcome:
-        """Solve once to judge, and if that took less than `limit` seconds `repeat` times against the clock."""
+        """Solve once to judge the answer; if it took less than `limit` seconds, solve `repeat` times to measure it."""
         solver = self._solver(posed)
         if posed.rows > LARGEST_DENSE and not posed.newton and self._choice.backend in NATIVE:
             return _project(solver, posed, self._choice.tolerance, repeat, limit)
@@ -119,7 +119,7 @@ def _timed(compiled: "solvers.CompiledProblem") -> tuple[float, float]:
 
 
 def _project(solver: ProgramSolver, posed: PosedSubproblem, tolerance: float, repeat: int, limit: float) -> Outcome:
-    """Let the native method work over sparse factors, as it does in runs where many rows press."""
+    """Solve by the native method over sparse factors, as runs do where a subproblem has many rows."""
     rounds: list[tuple[float, float]] = []
     while len(rounds) <= repeat and (not rounds or rounds[0][0] < limit):
         began = time.perf_counter()
@@ -132,7 +132,7 @@ def _project(solver: ProgramSolver, posed: PosedSubproblem, tolerance: float, re
 
 
 def _program(posed: PosedSubproblem) -> Program:
-    """The arrays that kernels know the problem by."""
+    """Return the arrays that represent the problem in kernels."""
     none, rows = np.zeros((0, 0)), posed.rows
     return Program(
         start=posed.start,
@@ -158,11 +158,11 @@ def _program(posed: PosedSubproblem) -> Program:
 
 
 class Reference:
-    """Solutions to rounding: an active-set method polished, its residuals verified.
+    """Reference solutions, exact to rounding: polished answers whose residuals are verified.
 
-    They may be `TOLERANCE`, or what rounding leaves of the forces of large multipliers that cancel, which nearly
-    dependent rows have. The metrics are well conditioned, and z is as exact as the residuals; where rows depend on each
-    other multipliers are not unique.
+    Residuals may be as large as `TOLERANCE`, or as the rounding error of large multipliers whose forces cancel; nearly
+    dependent rows have such multipliers. The metrics are well conditioned, and z is as exact as the residuals. The
+    multipliers of dependent rows are not unique.
     """
 
     BACKENDS = ("native", "daqp", "piqp")
@@ -172,7 +172,7 @@ class Reference:
         self._contenders = [Contender(SolverChoice(name, self.TOLERANCE, polish=True)) for name in self.BACKENDS]
 
     def solve(self, posed: PosedSubproblem) -> tuple[np.ndarray, float]:
-        """The point and its largest residual; nan where no backend finds one to rounding."""
+        """Return the solution and its largest residual; nan where no backend finds one exact to rounding."""
         for contender in self._contenders:
             outcome = contender.solve(posed)
             residual = max(outcome.residuals)

@@ -1,4 +1,4 @@
-"""How backends compare over many problems: performance profiles and shifted geometric means."""
+"""Comparison of backends over many problems: performance profiles and shifted geometric means."""
 
 import numpy as np
 import xarray as xr
@@ -8,7 +8,7 @@ SHIFT = 1e-5
 
 
 def ratios(data: xr.Dataset) -> np.ndarray:
-    """Time of each backend over that of the fastest one that solved the problem; inf where it did not.
+    """Return the time of each backend over that of the fastest one that solved the problem; inf if it did not.
 
     The performance ratio of Dolan and Moré (2002), ``r = t / min t``, shape (problem, backend).
     """
@@ -20,10 +20,10 @@ def ratios(data: xr.Dataset) -> np.ndarray:
 
 
 def performance_profile(data: xr.Dataset) -> xr.DataArray:
-    """Share of the problems that each backend solves within a factor of the fastest, by that factor.
+    """Return the share of problems that each backend solves within a factor of the fastest, by that factor.
 
     Dolan and Moré (2002): ``ρ(τ) = |{problems with r <= τ}| / |problems|``, where r is the performance ratio. ρ(1) is
-    how often a backend is the fastest, its limit how often it solves a problem at all.
+    the share of problems on which a backend is the fastest, and the limit of ρ the share that it solves at all.
 
     Parameters
     ----------
@@ -48,11 +48,11 @@ def performance_profile(data: xr.Dataset) -> xr.DataArray:
 
 
 def shifted_geometric_mean(times: np.ndarray, shift: float = SHIFT) -> np.ndarray:
-    """``exp(mean(log(t + shift))) − shift`` over the first axis: neither outlier large nor small decides it."""
+    """Return ``exp(mean(log(t + shift))) − shift`` over the first axis, which no large or small outlier decides."""
     mean: np.ndarray = np.exp(np.mean(np.log(times + shift), axis=0)) - shift
     return mean
 
 
 def charged_times(data: xr.Dataset) -> np.ndarray:
-    """Times, with the limit in place of those of problems that were not solved, shape (problem, backend)."""
+    """Return times, with the limit in place of the times of unsolved problems, shape (problem, backend)."""
     return np.where(data["verified"].values, data["time"].values, data.attrs["limit"])

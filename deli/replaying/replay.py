@@ -1,4 +1,4 @@
-"""Solve recorded subproblems again, with every backend."""
+"""Recorded subproblems, solved again by several backends."""
 
 import os
 from collections.abc import Iterable
@@ -44,13 +44,13 @@ def replay(
     backends : iterable of str
         Names as for `deli.simulate`; all that are installed if left out.
     tolerance : float
-        Scaled KKT residual that counts as solved.
+        Largest scaled KKT residual of a solved problem.
     polish : bool
-        Polish answers, as runs do; False shows what the backends alone do.
+        Polish answers, as runs do; False shows the answers of the backends alone.
     repeat : int
-        Times that each problem is solved; times are medians.
+        Number of timed solves of each problem; times are medians.
     limit : float
-        Seconds that a problem may take: one that takes longer counts as not solved, and is solved only once.
+        Seconds that a problem may take. A problem that takes longer counts as not solved, and is solved only once.
     progress : bool
         Show a bar, on a terminal or in a notebook.
 
@@ -58,15 +58,29 @@ def replay(
     -------
     xarray.Dataset
         By ``problem``: its origin and sizes, ``reference_residual`` and ``recorded_error``. By ``problem`` and
-        ``backend``: ``claimed`` (the backend's word), ``verified`` (residuals within the tolerance, and in time),
-        ``status``, ``time`` and ``solver_time`` in seconds, ``iterations``, ``polished``, the three residuals, and
-        ``error``, the distance ``|z − z*|`` to a polished solution with residuals of rounding (1e-13, or the machine's
-        epsilon of the multipliers where these are large).
+        ``backend``: ``claimed`` (the backend's own verdict), ``verified`` (residuals within the tolerance, and time
+        within the limit), ``status``, ``time`` and ``solver_time`` in seconds, ``iterations``, ``polished``, the three
+        residuals, and ``error``, the distance ``|z − z*|`` to a polished reference solution. The residuals of the
+        reference are at most 1e-13, or the machine's epsilon times the multipliers where these are large.
 
     Raises
     ------
     InputError
         If the file has no subproblems, or a backend is not known or not installed.
+
+    Examples
+    --------
+    >>> import deli, pathlib, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder) / "run.nc"
+    ...     run = deli.simulate(
+    ...         deli.scenes.pogo_stick(), deli.GVI(), step_size=0.1, steps=10, output=file, skip=False, subproblems=True
+    ...     )
+    ...     data = deli.replay(file, backends=["native", "clarabel"], repeat=1)
+    >>> data["backend"].values.tolist()
+    ['native', 'clarabel']
+    >>> data["verified"].all("problem").values.tolist()
+    [True, True]
     """
     names = list(dict.fromkeys(solvers.available() if backends is None else backends))
     choices = {name: _choice(name, tolerance, polish) for name in names}
@@ -88,7 +102,7 @@ def replay(
             outcomes.append([contender.solve(posed, repeat, limit) for contender in contenders])
             solution, exact[number] = reference.solve(posed)
             recorded[number] = np.linalg.norm(posed.z - solution)
-            with np.errstate(over="ignore"):  # however far off an answer is
+            with np.errstate(over="ignore"):  # an answer may be arbitrarily far off
                 errors[number] = [np.linalg.norm(outcome.z - solution) for outcome in outcomes[-1]]
             if bar.active:
                 bar.update(number + 1)
@@ -117,7 +131,7 @@ def _said(long_name: str, units: str = "1") -> dict[str, Any]:
 
 
 _SAID = {
-    "step": _said("integration steps taken before the one that posed the problem"),
+    "step": _said("integration steps taken before the step that posed the problem"),
     "solve": _said("number among the solves of the same subproblem in the step"),
     "variables": _said("variables of the problem"),
     "rows": _said("rows of the problem"),
@@ -131,7 +145,7 @@ def _flags(meanings: Iterable[str]) -> dict[str, Any]:
 
 
 def _columns(outcomes: list[list[Outcome]], limit: float) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
-    """Values by problem and backend, with their attributes."""
+    """Return values by problem and backend, with their attributes."""
 
     def table(value: Any, dtype: Any = float) -> np.ndarray:
         return np.array([[value(outcome) for outcome in row] for row in outcomes], dtype=dtype)
@@ -146,12 +160,12 @@ def _columns(outcomes: list[list[Outcome]], limit: float) -> dict[str, tuple[np.
             {"long_name": "verdict on the answer", **_flags(STATUSES)},
         ),
         "time": (table(lambda outcome: outcome.time), _said("median time from data to checked answer", "s")),
-        "solver_time": (table(lambda outcome: outcome.solver_time), _said("of it in the backend", "s")),
+        "solver_time": (table(lambda outcome: outcome.solver_time), _said("median time inside the backend", "s")),
         "iterations": (table(lambda outcome: outcome.iterations, int), _said("iterations, as the backend counts them")),
         "polished": (table(lambda outcome: outcome.polished, bool), _said("the polish replaced the backend's answer")),
     }
     for place, name in enumerate(residuals):
-        columns[name] = (table(lambda outcome, k=place: outcome.residuals[k]), _said("scaled, recomputed"))
+        columns[name] = (table(lambda outcome, k=place: outcome.residuals[k]), _said("scaled residual, recomputed"))
     return columns
 
 

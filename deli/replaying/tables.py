@@ -1,4 +1,4 @@
-"""What `deli replay` prints."""
+"""The tables that `deli replay` prints."""
 
 import math
 
@@ -16,7 +16,7 @@ WORST = 3
 
 
 def print_replay(console: Console, data: xr.Dataset) -> None:
-    """Print what was solved, how backends compare, and the worst cases of each."""
+    """Print a summary of the problems, the comparison of backends, and the worst cases of each backend."""
     kinds = np.bincount(data["subproblem"].values, minlength=len(SUBPROBLEMS))
     counted = ", ".join(f"{count:,} {name}" for name, count in zip(SUBPROBLEMS, kinds, strict=True) if count)
     polish = "polished" if data.attrs["polish"] else "not polished"
@@ -31,7 +31,7 @@ def print_replay(console: Console, data: xr.Dataset) -> None:
     console.print(_worst(data))
     unknown = int(data["reference_residual"].isnull().sum())
     if unknown:
-        console.print(f"No reference solution was found for {unknown:,} problems; they count in no error.")
+        console.print(f"No reference solution was found for {unknown:,} problems; errors leave them out.")
 
 
 def _comparison(data: xr.Dataset) -> Table:
@@ -59,7 +59,7 @@ def _comparison(data: xr.Dataset) -> Table:
 
 
 def _worst(data: xr.Dataset) -> Table:
-    """Indices of the problems that each backend does worst on."""
+    """Return a table of the indices of each backend's worst problems."""
     columns = ("backend", "not verified", "largest verified error", "slowest against the fastest")
     table = Table(*columns, title="worst cases, by index")
     found = ratios(data)
@@ -77,7 +77,7 @@ def _worst(data: xr.Dataset) -> Table:
 
 
 def _top(data: xr.Dataset, values: np.ndarray, unit: str = "") -> str:
-    """The largest of the values, with their indices."""
+    """Return the largest value with its index, in words."""
     if np.isnan(values).all():
         return "–"
     index = int(np.nanargmax(values))
@@ -92,7 +92,7 @@ def _said(data: xr.Dataset, index: int) -> str:
 
 
 def _share(flags: np.ndarray) -> str:
-    """A share that is not rounded up to all."""
+    """Return a share in percent, rounded down, so that only all are 100 %."""
     return "100 %" if flags.all() else f"{math.floor(1000 * flags.mean()) / 10:.1f} %"
 
 

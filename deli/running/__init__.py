@@ -1,1 +1,1 @@
-"""A run from its checked plan to its last row."""
+"""Runs, from a checked plan to the last row."""

@@ -1,4 +1,4 @@
-"""Threads that run the members of an ensemble, a few at a time each."""
+"""Threads that run the members of an ensemble, each a few at a time."""
 
 import itertools
 import math
@@ -24,12 +24,12 @@ _Shape = tuple[int, ...] | None
 
 
 class Crew:
-    """Runs members; each thread has its own steppers, one for every shape of scene, and so its own compiled problems.
+    """Threads with their own steppers, one for every shape of scene, and therefore their own compiled problems.
 
     Attributes
     ----------
     outcomes : list of str
-        By member.
+        Outcome of each member.
     backends : set of str
         Names of the backends that have solved something.
     """
@@ -37,19 +37,19 @@ class Crew:
     def __init__(self, plan: Plan, scenes: list[Scene], gathering: Gathering, workers: int) -> None:
         self._plan, self._scenes, self._gathering = plan, scenes, gathering
         self._workers = min(workers, len(scenes))
-        self._first = plan.stepper()  # refuses what does not fit together before any thread begins
+        self._first = plan.stepper()  # refuses arguments that do not fit together, before any thread begins
         if any(scene.unilateral.searched for scene in scenes):
-            has_strayed.compile()  # not by several threads at once
+            has_strayed.compile()  # before several threads do so at once
         self._chunks = deque(_chunks(len(scenes), self._workers))
         self._stopped, self._lock = False, threading.Lock()
-        self._at: dict[int, int] = {}  # the member that each thread is at
+        self._at: dict[int, int] = {}  # the member that each thread works on
         self._ended: queue.SimpleQueue[int] = queue.SimpleQueue()
         self._errors: list[BaseException] = []
         self.outcomes = [f"{INTERRUPTED} before step 1"] * len(scenes)
         self.backends: set[str] = set()
 
     def run(self, stop: StopRequests, bar: ProgressBar) -> None:
-        """Run all members, or until asked to stop; a member whose step does not end then is left to itself."""
+        """Run all members, or until a signal asks for a stop; a member whose step does not end then is abandoned."""
         for number in range(self._workers):
             threading.Thread(target=self._try, args=(number,), name=f"deli_{number}", daemon=True).start()
         try:
@@ -70,10 +70,10 @@ class Crew:
             self.backends.update(*(stepper.backends for stepper in steppers))
 
     def _watch(self, stop: StopRequests, bar: ProgressBar) -> None:
-        """Wait for all threads to end, but not for ever once they were told to."""
+        """Wait for all threads to end; once they were told to stop, wait no longer than `PATIENCE_SECONDS`."""
         working, told = self._workers, math.inf
         while working and time.monotonic() < told + PATIENCE_SECONDS:
-            with suppress(queue.Empty):  # unlike a thread's join, it stays right where a signal interrupts it
+            with suppress(queue.Empty):  # unlike a thread's join, it stays correct when a signal interrupts it
                 self._ended.get(timeout=REFRESH_SECONDS)
                 working -= 1
             if not self._stopped and (stop.reason is not None or self._errors):
@@ -102,7 +102,7 @@ class Crew:
         self._keep_backends(*steppers.values())
 
     def _run_alike(self, number: int, steppers: dict[_Shape, Any], shape: _Shape, members: list[int]) -> None:
-        """Run members of one shape, by its stepper, in a thread."""
+        """Run members of one shape in a thread, by the stepper of that shape."""
         plan, scenes = self._plan, [self._scenes[member] for member in members]
         systems = None if shape is None else bind_systems(scenes, self._first.implicit)
         for place, (member, scene) in enumerate(zip(members, scenes, strict=True)):
@@ -115,10 +115,10 @@ class Crew:
                     steppers[shape] = plan.stepper(scene)
                 steppers[shape].switch(scene, None if systems is None else systems.addresses[place])
                 self.outcomes[member] = self._run(steppers[shape], scene, block)
-            except Exception as error:  # of a user's function: it stops its own member only
+            except Exception as error:  # an error of a user's function stops its own member only
                 self.outcomes[member] = self._failure(block, f"{type(error).__name__}: {error}")
             if self.outcomes[member] != COMPLETE and shape in steppers:
-                self._keep_backends(steppers.pop(shape))  # what it works in is as the failed step left it
+                self._keep_backends(steppers.pop(shape))  # the failed step may have left its arrays unfinished
 
     def _run(self, stepper: Any, scene: Scene, block: Record) -> str:
         plan, progress = self._plan, block.fields.progress
@@ -138,7 +138,7 @@ class Crew:
 
 
 def _chunks(members: int, workers: int) -> list[range]:
-    """Ranges of members, ever smaller towards the end, so that all threads end at the same time."""
+    """Return ranges of members, smaller towards the end, so that all threads end at about the same time."""
     chunks, begin = [], 0
     while begin < members:
         size = max(1, min(_MOST, (members - begin) // (2 * workers)))

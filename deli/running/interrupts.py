@@ -1,4 +1,4 @@
-"""Stopping a run between two steps instead of in the middle of one."""
+"""Stops of a run between two steps instead of in the middle of one."""
 
 import _thread
 import math
@@ -15,16 +15,35 @@ if TYPE_CHECKING:
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 PATIENCE_SECONDS = 5.0
-"""How long after a signal a step may go on to its end."""
+"""Seconds after a signal in which a step may go on to its end."""
 
 
 class Interrupted(KeyboardInterrupt):
-    """A run was stopped from outside.
+    """The stop of a run by a signal, such as Ctrl-C.
 
     Attributes
     ----------
     run : xarray.DataTree
-        All rows until then.
+        All rows up to the stop.
+
+    Examples
+    --------
+    A mass falls, and its force raises the signal of Ctrl-C on the way:
+
+    >>> import signal
+    >>> import deli
+    >>> def gradient(q):
+    ...     if 0.89 < q[0] < 0.897:
+    ...         signal.raise_signal(signal.SIGINT)
+    ...     return [9.8]
+    >>> weight = deli.Potential(energy=lambda q: 9.8 * q[0], gradient=gradient)
+    >>> fall = deli.Scene(mass=1.0, position=[1.0], momentum=[0.0], potential=weight)
+    >>> try:
+    ...     run = deli.simulate(fall, deli.DiscreteSmooth("midpoint"), step_size=0.01, steps=1_000_000, every=1000)
+    ... except deli.Interrupted as stop:
+    ...     run = stop.run
+    >>> run.attrs["outcome"].split(" after ")[0]
+    'interrupted by SIGINT'
     """
 
     def __init__(self, message: str, run: "xr.DataTree") -> None:
@@ -33,12 +52,12 @@ class Interrupted(KeyboardInterrupt):
 
 
 class StopRequests:
-    """While active, SIGINT and SIGTERM ask for a stop after the current step; a second signal stops at once.
+    """A context in which SIGINT and SIGTERM ask for a stop after the current step; a second signal stops at once.
 
-    What must not be left half done is not stopped by the second either, see `undisturbed`.
+    Work that must not be left half done is not stopped by the second signal either, see `undisturbed`.
 
-    Signals reach Python's main thread only: in any other thread this does nothing. What Python runs can be stopped in
-    the middle, and so can its sleep; what a library in C does cannot, not even by the second signal.
+    Signals reach Python's main thread only: in any other thread the context does nothing. Python code and its sleep can
+    be stopped in the middle; a call of a library in C cannot, not even by the second signal.
 
     Parameters
     ----------
@@ -48,7 +67,7 @@ class StopRequests:
     Attributes
     ----------
     reason : str or None
-        Name of the signal that asked, or None.
+        Name of the signal that asked for a stop, or None.
     """
 
     def __init__(self, patience: float = math.inf) -> None:
@@ -64,7 +83,7 @@ class StopRequests:
 
     def __exit__(self, *exception: object) -> None:
         self._over = True
-        with self._lock:  # from here on no signal of our own is on its way to the handlers before
+        with self._lock:  # from here on no signal of our own can reach the earlier handlers
             pass
         for number, handler in self._previous.items():
             # None stands for a handler that was not installed by Python and cannot be put back.
@@ -72,7 +91,7 @@ class StopRequests:
 
     @contextmanager
     def undisturbed(self) -> Iterator[None]:
-        """Let no signal stop what is done in here."""
+        """Keep signals from stopping the work in this context."""
         before, self._disturbing = self._disturbing, False
         try:
             yield
@@ -94,5 +113,5 @@ class StopRequests:
                 return
             if hasattr(signal, "pthread_kill"):
                 signal.pthread_kill(threading.main_thread().ident or 0, number)
-            else:  # where there is none, a sleep is not broken off
+            else:  # without pthread_kill a sleep is not broken off
                 _thread.interrupt_main(signal.Signals(number))

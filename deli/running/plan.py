@@ -1,4 +1,4 @@
-"""What a run will do, checked before anything is computed."""
+"""The plan of a run, checked before anything is computed."""
 
 import math
 import operator
@@ -18,14 +18,14 @@ from deli.subproblems.collector import MOST
 
 DURATION_TOLERANCE = 1e-9
 LARGEST_STEP = 1e150
-"""Steps need the square of their size."""
+"""Bound on the size of a step, because steps need its square."""
 MOST_STEPS = 2**53
 """Numbers of steps up to here are exact as floats; at a microsecond each they take 285 years."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A checked run: see `deli.simulate` for the meaning of each field."""
+    """A checked run; `deli.simulate` explains each field."""
 
     scene: Scene
     method: Integrator
@@ -42,24 +42,24 @@ class Plan:
 
     @property
     def rows(self) -> int:
-        """Rows of the finished run: the initial state, every `every`-th step, and the last step in any case."""
+        """Number of rows of the finished run: the initial state, every `every`-th step, and always the last step."""
         return 1 - (-self.steps // self.every)
 
     @property
     def size(self) -> int:
-        """Bytes of these rows."""
+        """Size of all rows in bytes."""
         return self.rows * Schema(self.scene.dof, self.scene.dimension, self.memory).row_bytes
 
     def step_of(self, row: int) -> int:
-        """Number of integration steps taken at a row."""
+        """Return the number of integration steps taken at a row."""
         return min(row * self.every, self.steps)
 
     def ends(self, row: int) -> Iterator[int]:
-        """Step numbers at the rows that follow `row`."""
+        """Return the step numbers at the rows that follow `row`."""
         return (self.step_of(later) for later in range(row + 1, self.rows))
 
     def config(self) -> dict[str, Any]:
-        """The run as a config, with every default spelled out."""
+        """Return the run as a config, with every default spelled out."""
         return provenance.describe(
             self.scene,
             self.method,
@@ -74,11 +74,11 @@ class Plan:
 
     @property
     def memory(self) -> tuple[str, ...]:
-        """Names of what the method carries from step to step besides q and p, and so is recorded."""
+        """Names of the recorded quantities besides q and p that the method carries from step to step."""
         return self.method.MEMORY
 
     def stepper(self, scene: Scene | None = None) -> Any:
-        """A fresh stepper of the method, for the plan's scene or another."""
+        """Return a new stepper of the method, for the plan's scene or another."""
         return self.method.stepper(
             scene or self.scene,
             self.step_size,
@@ -104,7 +104,7 @@ def make_plan(
     overwrite: bool = False,
     subproblems: bool | int = False,
 ) -> Plan:
-    """Check the arguments of `deli.simulate`.
+    """Check the arguments of `deli.simulate`, and return them as a plan.
 
     Raises
     ------
@@ -145,8 +145,9 @@ def make_plan(
 
 
 def _require_room(plan: Plan) -> None:
-    """Refuse rows that fit neither into memory, where a run is read in the end, nor onto the disk."""
-    what = f"steps {plan.steps:,} and every {plan.every:,} make {plan.rows:,} rows, dof = {plan.scene.dof:,}"
+    """Refuse rows that do not fit into memory, where a finished run is read, or onto the disk."""
+    system = f"{plan.scene.dof:,} degrees of freedom"
+    what = f"steps {plan.steps:,} and every {plan.every:,} make {plan.rows:,} rows of {system}"
     remedy = "record fewer (a larger record.every), or take fewer steps"
     in_memory = plan.size if plan.output is not None else 2 * plan.size  # blocks of rows, and then the whole
     require_memory(what, in_memory, remedy)
@@ -178,7 +179,7 @@ def _count_steps(step_size: float, steps: int | None, duration: float | None) ->
 
 
 def _most(subproblems: Any) -> int:
-    """How many subproblems to record at most."""
+    """Return the largest number of subproblems to record."""
     if isinstance(subproblems, bool):
         return MOST if subproblems else 0
     try:

@@ -1,4 +1,4 @@
-"""The bar that shows how far a run is, how fast it goes and what energy it has lost."""
+"""The progress bar of a run: its steps, its rate and its energy error."""
 
 import sys
 import time
@@ -10,20 +10,20 @@ from rich.table import Column
 
 
 class ProgressBar:
-    """A bar on standard error, or in the output of a notebook's cell; shows nothing elsewhere.
+    """A bar on standard error, or in the output of a notebook's cell; elsewhere nothing is shown.
 
     Rate and remaining time come from the steps after the first report, because compiling and loading precede it.
 
     Parameters
     ----------
     name : str
-        What is run, in a word.
+        Name of the run, in a word.
     steps, done : int
-        Steps in total, and those of earlier sessions.
+        Number of steps in total, and in earlier sessions.
     shown : bool
         Whether to show the bar at all.
     unit : str
-        What a step is called.
+        Name of the steps.
     """
 
     def __init__(self, name: str, steps: int, done: int, shown: bool, unit: str = "steps") -> None:
@@ -74,7 +74,7 @@ class ProgressBar:
         return "starting" if step == first else f"{(step - first) / max(now - since, 1e-9):,.0f} {self._unit}/s"
 
     def _display(self, update: bool = False) -> None:
-        """Show the bar as it is now; rich itself would need ipywidgets for one that changes."""
+        """Show the present bar; rich itself would need ipywidgets for a bar that changes."""
         from IPython.display import display
 
         display(self._progress, display_id=self._name, update=update)

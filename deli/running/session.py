@@ -1,4 +1,4 @@
-"""The loop over steps: advance, record, look up now and then, and end in an orderly way."""
+"""The loop over steps: advance, record, report now and then, and end in an orderly way."""
 
 import logging
 import time
@@ -35,10 +35,10 @@ logger = logging.getLogger("deli")
 
 
 class Session:
-    """One go at a run: from the initial state, or from the last committed row of a partial file.
+    """One session of a run: from the initial state, or from the last committed row of a partial file.
 
-    `progress` is whether to show a bar, or what to tell the number of steps now and then. Rows go to the partial file
-    once `BLOCK_ROWS` are buffered and a second has passed, or ten seconds have.
+    `progress` says whether to show a bar, or is a function that is called with the number of steps now and then. Rows
+    go to the partial file once `BLOCK_ROWS` are buffered and a second has passed, and at the latest after ten seconds.
     """
 
     def __init__(self, plan: Plan, config: dict[str, Any], progress: bool | Callable[[int], None]) -> None:
@@ -61,7 +61,7 @@ class Session:
             raise
 
     def _begin(self, first_row: int) -> None:
-        """Put the stepper in its state, and record that if it is the initial one."""
+        """Put the stepper into its state, and record the state if it is the initial one."""
         plan = self._plan
         collector = self._collect() if plan.subproblems else None
         self._recorder = Recorder(
@@ -92,7 +92,7 @@ class Session:
         return run
 
     def _go(self, stop: StopRequests) -> tuple[str, xr.DataTree]:
-        """Take steps, and end; return how it ended, and the rows."""
+        """Take steps, and end; return the outcome and the rows."""
         try:
             with self._bar:
                 outcome = self._advance(stop)
@@ -101,7 +101,7 @@ class Session:
             outcome = f"{INTERRUPTED}{by} after step {self._step}, in the middle of the next"
         except RecordingError:
             raise
-        except BaseException as error:  # an exit and a panic in Rust are no Exception
+        except BaseException as error:  # an exit and a panic in Rust are not of class Exception
             outcome = self._failure(f"{type(error).__name__}: {error}")
             with stop.undisturbed():
                 with suppress(Exception):  # the function that raised may be the one that the row needs
@@ -133,7 +133,7 @@ class Session:
         return (position, momentum, np.array(memory)) if memory else (position, momentum)
 
     def _collect(self) -> Collector:
-        """Let a collector, which goes on where earlier sessions ended, have the stepper's subproblems."""
+        """Return a collector of the stepper's subproblems, which continues those of earlier sessions."""
         ends = {} if self._writer is None else self._writer.ends
         kept = ends.get("problem", 0)
         size = count_bytes(*(ends[name] for name in COUNTED)) if ends else 0
@@ -148,7 +148,7 @@ class Session:
 
     @property
     def _step(self) -> int:
-        """Steps of the run that have been taken."""
+        """Number of steps of the run that have been taken."""
         return int(self._progress[0])
 
     def _advance(self, stop: StopRequests) -> str:
@@ -179,7 +179,7 @@ class Session:
             self._bar.update(self._step, energy - self._energy)
 
     def _record_last_good(self) -> None:
-        """Add the state before a failed step as a row if it is none yet; its stats count the work of that step too."""
+        """Record the state before a failed step unless it is a row; its statistics count the work of that step too."""
         if self._step > self._plan.step_of(self._recorder.rows - 1):
             self._stepper.record(self._recorder.block)
 

@@ -233,7 +233,7 @@ class TestFiles:
         run = deli.open_run("e.nc")
         run.to_netcdf("again.nc", engine="netcdf4")
         xr.testing.assert_equal(deli.open_run("again.nc"), run)
-        assert "the digest that the file was closed with" in call("check", "e.nc").stdout
+        assert "the digest is that of the closed file" in call("check", "e.nc").stdout
         checked = call("check", "again.nc")
         assert checked.exit_code == DONE
         assert "not sealed" in checked.stdout
@@ -253,7 +253,7 @@ class TestFiles:
             assert refused.exit_code == INPUT_AT_FAULT
             assert words in refused.stderr
         deli.simulate(sticks(1)[0], METHOD, **SETTINGS, output="run.nc")
-        assert "the run is no ensemble" in call("plot", "run.nc", "--member", "0").stderr
+        assert "the run is not an ensemble" in call("plot", "run.nc", "--member", "0").stderr
 
     def test_a_failed_member_and_one_that_was_not_begun_hold_up(self, folder):
         scenes = [ball(np.inf), ball(3.05), ball(0.05)]
@@ -310,7 +310,7 @@ class TestFiles:
         content = bytearray((folder / "e.nc").read_bytes())
         content[len(content) // 2] ^= 1
         (folder / "e.nc").write_bytes(content)
-        with pytest.raises(InputError, match="its content is not what it was when it was closed"):
+        with pytest.raises(InputError, match="its content has changed since it was closed"):
             deli.open_run("e.nc")
 
 

@@ -148,7 +148,7 @@ def retype(group, name, dtype, dims=None):
 CRAFTED = {
     "negative count": (put("committed_rows", -5), "committed_rows is -5"),
     "huge count": (put("committed_rows", 2**62), "committed_rows is 4611686018427387904"),
-    "one row too many": (put("committed_rows", STEPS + 2), "committed_rows is 42, and there are 41 along time"),
+    "one row too many": (put("committed_rows", STEPS + 2), "committed_rows is 42, but there are 41 along time"),
     "negative problems": (put("committed_subproblems", -1), "committed_subproblems is -1"),
     "huge problems": (put("committed_subproblems", 2**62), "committed_subproblems is 4611686018427387904"),
     "other conventions": (say("Conventions", "deli-1"), "conventions 'deli-1'"),
@@ -170,7 +170,7 @@ CRAFTED = {
     "steps are jumbled": (lambda data: put("step", 1)(data["solver_stats"]), "does not count from 0"),
     "unknown status": (lambda data: put("status", 9)(data["solver_stats"]), "status is 9 to 9"),
     "dofs are jumbled": (lambda data: put("dof", 0)(data["trajectory"]), "trajectory/dof is [0, 0"),
-    "letters that are none": (lambda data: put("direction", b"\xff")(data["trajectory"]), "no letters"),
+    "letters that are none": (lambda data: put("direction", b"\xff")(data["trajectory"]), "not letters"),
     "other words": (lambda data: put("subproblem", b"x")(data["solver_stats"]), "solver_stats/subproblem is ['xxx"),
     "columns out of range": (lambda data: put("column", 10**6)(data["subproblems"]), "column names variables"),
     "negative columns": (lambda data: put("column", -7)(data["subproblems"]), "column names variables"),
@@ -256,7 +256,7 @@ def test_a_dimension_beyond_the_file_takes_no_memory(files, tmp_path):
 )
 def test_what_kills_the_process_that_reads_is_refused(files, monkeypatch, code, how):
     monkeypatch.setattr(apart, "_CODE", "import sys; sys.path[:] = {path!r}\n" + code.replace("{}", "{{}}"))
-    with pytest.raises(InputError, match=rf"unsealed\.nc is damaged: the process that read it died of it \(({how})\)"):
+    with pytest.raises(InputError, match=rf"unsealed\.nc is damaged: the process that read it died \(({how})\)"):
         deli.open_run(files / "unsealed.nc")
 
 
@@ -264,7 +264,7 @@ def test_what_is_no_file_is_refused(files, tmp_path):
     os.mkfifo(tmp_path / "pipe.nc")
     (tmp_path / "away.nc").symlink_to(tmp_path / "nowhere.nc")
     (tmp_path / "round.nc").symlink_to(tmp_path / "round.nc")
-    for name, words in (("pipe.nc", "it is no file"), ("away.nc", "does not exist"), ("round.nc", "does not exist")):
+    for name, words in (("pipe.nc", "it is not a file"), ("away.nc", "does not exist"), ("round.nc", "does not exist")):
         refused(call("plot", tmp_path / name), name, words)
     (tmp_path / "link.nc").symlink_to(files / "sealed.nc")
     assert look(tmp_path / "link.nc", files / "sealed.nc") == "same"
@@ -284,7 +284,7 @@ def test_other_readers_see_no_seal_and_other_writers_drop_it(files, tmp_path):
     assert same(deli.open_run(path), run)
     result = call("check", path)
     assert result.exit_code == 0, result.output
-    assert "checksums of all rows; there is no digest" in result.stdout
+    assert "the checksums of all rows agree; there is no digest" in result.stdout
 
 
 def test_a_file_is_sealed_before_it_gets_its_name(tmp_path, monkeypatch):

@@ -49,7 +49,7 @@ def changed():
 
 @pytest.mark.parametrize("scene", [lambda: deli.Scene(1.0, [0.0], [1.0]), changed])
 def test_of_a_scene_of_ones_own_it_says_why_not(folder, scene):
-    why = "does not run again: its scene is the user's own, made in Python, whose families no config holds"
+    why = "does not run again: its scene is the user's own, made in Python, and a config holds no families"
     text = text_of(scene(), deli.GVI())
     assert f"# This config {why}" in text.splitlines()[0]
     refused(again(folder, text), f"scene.name is 'custom', and a run recorded so {why}; run the script that made it.")

@@ -96,7 +96,7 @@ def test_rows_that_are_left_out(tmp_path_factory, place, rows, steps):
     thin.to_netcdf(path)
     kept, taken = range(STEPS + 1)[rows], range(STEPS)[steps]
     if not kept:
-        with pytest.raises(InputError, match="is no run any more: trajectory has no rows"):
+        with pytest.raises(InputError, match="is no longer a run: trajectory has no rows"):
             deli.open_run(path)
         return
     again = deli.open_run(path)
