@@ -22,8 +22,6 @@ RUN, SHOWN = {"python", "sh", "toml"}, {"", "console", "text"}
 OF_THE_GATE = "python3 -m venv"
 """Commands that begin so set up an environment; .ci/run runs them as they are written."""
 
-pytestmark = pytest.mark.gate
-
 
 def blocks(page: Path) -> list[tuple[str, str]]:
     """Return language and text of a page's blocks, without directives of Sphinx."""
