@@ -1,4 +1,4 @@
-"""The arrays that the steps of a system work in, made once and kept where they have the right size."""
+"""The working arrays of the steps of a system, made once and kept while they have the right size."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -12,15 +12,15 @@ from deli.kernels.program import Program
 from deli.kernels.system import System
 from deli.kernels.work import Islands, Work
 
-_APART = 128  # bytes around what a stepper writes to, which processors keep from others that write nearby
+_APART = 128  # bytes around a stepper's arrays, so that no other thread writes to the same cache line
 
 
 def work_arrays(
     system: System, numerical: bool, memory: int, known: tuple[Work, Islands, Program] | None = None
 ) -> tuple[Work, Islands, Program]:
-    """Return what the steps of a system work in; arrays of `known` that have the right size are kept.
+    """Return the working arrays of a system's steps; arrays of `known` that have the right size are kept.
 
-    `memory` counts what the method carries from step to step besides q and p.
+    `memory` is the number of arrays that the method carries from step to step besides q and p.
     """
     dof, bodies, dimension = system.mass.size, system.component.size, system.dimension
     rows, held = system.unilateral.kind.size, system.bilateral.kind.size
@@ -77,7 +77,7 @@ def work_arrays(
 
 
 def mail_arrays(system: System, numerical: bool) -> Mail:
-    """Return what functions that are not compiled read and write."""
+    """Return the arrays that functions outside compiled code read and write."""
     dof = system.mass.size
     metric = _metric_size(system, numerical)
     return Mail(
@@ -93,7 +93,7 @@ def mail_arrays(system: System, numerical: bool) -> Mail:
 
 
 def _metric_size(system: System, numerical: bool) -> int:
-    """Order of the dense metrics that a step needs."""
+    """Return the order of the dense metrics that a step needs."""
     return system.mass.size if system.newton or (numerical and system.curved) else 0
 
 

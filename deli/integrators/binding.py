@@ -12,13 +12,13 @@ from deli.mechanics.tables import OTHER, PLANE, Rows
 from deli.subproblems.choices import NATIVE, SUBPROBLEMS, SolverChoice
 from deli.subproblems.reflection import SELECTIONS
 
-_FARTHEST = 0.5  # of a pair's distance: gaps searched beyond it cost more than searching again
+_FARTHEST = 0.5  # largest reach, in units of a pair's distance: a longer list costs more than another search
 _STEPS = 12  # steps that the fastest bodies take before neighbours are searched again
 _LARGEST_NEWTON = 300  # degrees of freedom beyond which a dense factor costs more than the iterations it saves
 
 
 def bind_system(scene: Scene, implicit: bool) -> System:
-    """Return the scene's arrays; where rows are searched, none of those are there yet.
+    """Return the scene's arrays, without the rows that are found by search.
 
     `implicit` says whether the force of the position update depends on x.
     """
@@ -55,9 +55,9 @@ def bind_system(scene: Scene, implicit: bool) -> System:
 def search(
     system: System, scene: Scene, position: np.ndarray, momentum: np.ndarray, step_size: float, factor: float
 ) -> System:
-    """Return the system with the neighbours that bodies at `position` can meet in the steps to come.
+    """Return the system with the neighbours that bodies at `position` can meet in the next steps.
 
-    They are searched `factor` times as far as usual.
+    The reach of the search is `factor` times the usual one.
     """
     speed = float(np.sqrt(((momentum / scene.mass).reshape(scene.bodies, -1) ** 2).sum(axis=1).max()))
     size = min(float(np.min(family.distance)) for family in scene.unilateral.searched_families)
@@ -122,7 +122,7 @@ def bind_method(
 
 
 def components(bodies: int, held: Rows) -> np.ndarray:
-    """Lowest body of each set of bodies that bilateral rows join."""
+    """Return, for each body, the lowest of the bodies that bilateral rows join to it."""
     joined = held.second >= 0
     if not joined.any():
         return np.arange(bodies, dtype=np.int64)
@@ -138,7 +138,7 @@ def components(bodies: int, held: Rows) -> np.ndarray:
 
 
 def _curvature(scene: Scene) -> tuple[bool, bool]:
-    """Whether the potential has a hessian other than zero, and whether that hessian is known."""
+    """Return whether the potential has a hessian other than zero, and whether that hessian is known."""
     potential = scene.potential
     terms = potential.table
     if not potential.others:
@@ -150,7 +150,7 @@ def _curvature(scene: Scene) -> tuple[bool, bool]:
 
 
 def _sizes(scene: Scene, stack: ConstraintStack, rows: Rows) -> np.ndarray:
-    """Norms of the gradients at the start, 1 where one is zero."""
+    """Return the norms of the gradients at the start, with 1 in place of 0."""
     sizes = np.ones(rows.kind.size)
     planes = rows.kind == PLANE
     sizes[planes] = np.linalg.norm(rows.vector[planes], axis=1)

@@ -1,4 +1,4 @@
-"""A scene bound to a method and its solvers: the machine that kernels are called with."""
+"""A scene bound to a method and its solvers: the machine with which kernels are called."""
 
 import time
 from typing import Any
@@ -22,11 +22,11 @@ from deli.subproblems.models import MODELS
 from deli.subproblems.program import ProgramSolver
 from deli.subproblems.stats import StepStats
 
-_SEARCHES = 16  # times that neighbours are searched, ever farther, before a step is given up
+_SEARCHES = 16  # searches for neighbours in one step, each twice as far, before the step fails
 
 
 class Bound:
-    """A scene with a method: what they are to kernels, and what kernels ask of Python.
+    """A scene with a method: their records for kernels, and the answers of Python to kernels.
 
     Parameters
     ----------
@@ -38,19 +38,19 @@ class Bound:
     skip : bool
     contact_tolerance : float
     stats : StepStats
-        Where kernels count.
+        The statistics that kernels write.
 
     Attributes
     ----------
     method : deli.kernels.system.Method
     unit : Unit
-        That takes a step.
+        The compiled function that takes a step.
     work : deli.kernels.work.Work
         The arrays of the step at hand, `q`, `p` and `memory` those of its state.
     search_seconds : float
-        That searches for neighbours have taken.
+        Time spent in searches for neighbours.
     collector : Collector or None
-        Who has what solvers get.
+        The collector of the subproblems that solvers get.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class Bound:
 
     @property
     def backends(self) -> set[str]:
-        """Names of the backends that have been asked for an answer."""
+        """Names of the backends that have been called."""
         return set().union(*(solver.backends for solver in self._solvers))
 
     def switch(self, scene: Scene, system: int | None) -> None:
@@ -92,7 +92,7 @@ class Bound:
             self._machine.point("system", system)
 
     def collect(self, collector: Collector) -> None:
-        """Let the collector have every subproblem that a solver gets from now on."""
+        """Hand every subproblem that a solver gets from now on to the collector as well."""
         self.collector = collector
         self._connect()
 
@@ -109,26 +109,26 @@ class Bound:
                 self._search(1.0)
 
     def call(self, unit: Unit, *arguments: Any) -> int:
-        """Call a unit; what it asks of Python may overflow, which is seen in what comes of it."""
+        """Call a unit; an overflow in Python functions that it calls gives no warning, but shows in the results."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             code: int = unit.call(self._machine.address, *arguments)
         return code
 
     def forget(self) -> BaseException | None:
-        """Return what a function of the user's, or a solver, has raised since the last call."""
+        """Return the exception that a user's function or a solver has raised since the last call, or None."""
         return self._bridge.forget()
 
     def advanced(self) -> None:
-        """Note that a step has been taken: the next one searches neighbours from where they usually are."""
+        """Note that a step has been taken: the next search for neighbours has its usual reach again."""
         self._tries = 0
 
     def widen(self) -> None:
-        """Search neighbours anew, farther each time that the same step asks for it; the step begins anew.
+        """Search neighbours anew, twice as far at each request of the same step, which then begins anew.
 
         Raises
         ------
         StepError
-            If the step has asked too often.
+            If the step has requested too many searches.
         """
         if self.collector is not None:
             self.collector.forget_step()

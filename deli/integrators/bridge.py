@@ -1,4 +1,4 @@
-"""The way from kernels back to Python: to functions of the user's, and to solvers of other packages."""
+"""The way from kernels back to Python: to users' functions, and to solvers of other packages."""
 
 import ctypes
 from collections.abc import Callable
@@ -27,22 +27,22 @@ _Function = ctypes.CFUNCTYPE(ctypes.c_int64, *(ctypes.c_int64,) * 4)
 
 
 class Bridge:
-    """Answers what kernels ask of a scene and its solvers.
+    """Python functions of a scene and its solvers that kernels call.
 
-    What is raised meanwhile cannot pass through compiled code: it is kept in `raised` and the kernel returns.
+    An exception cannot pass through compiled code: it is kept in `raised`, and the kernel returns.
 
     Parameters
     ----------
     scene : Scene
     mail : Mail
-        Where user functions find q and leave their values.
+        The arrays in which users' functions find q and leave their values.
     solvers : list of ProgramSolver
         By subproblem.
     method : Method
     step : int
         Address of the unit that takes a step.
     collector : Collector, optional
-        Who is to have what solvers get.
+        The collector of the subproblems that solvers get.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Bridge:
             asked.UNILATERAL_GRADIENTS: lambda: self._jacobians(scene.unilateral, mail.unilateral_gradients),
             asked.BILATERAL_GRADIENTS: lambda: self._jacobians(scene.bilateral, mail.bilateral_gradients),
         }
-        # Kernels know these by their addresses: they live as long as the bridge.
+        # Kernels know these functions by their addresses, so they must live as long as the bridge.
         self._evaluate = _Function(self._answer)
         self._solve = _Function(self._answer_program)
         self._watching = self._watch(collector) if collector else ()
@@ -88,7 +88,7 @@ class Bridge:
         )
 
     def forget(self) -> BaseException | None:
-        """Return what was raised since the last call."""
+        """Return the exception that was raised since the last call, or None."""
         raised, self.raised = self.raised, None
         return raised
 
@@ -101,7 +101,7 @@ class Bridge:
         return self._try(solver.solve, size, equalities, rows, newton)
 
     def _watch(self, collector: Collector) -> tuple[Any, Any]:
-        """Functions that hand what solvers get, and their answers, to the collector."""
+        """Return the functions that hand subproblems and their answers to the collector."""
 
         def pose(subproblem: int, size: int, equalities: int, rows: int) -> int:
             newton = subproblem >= NEWTON
@@ -157,14 +157,14 @@ class Bridge:
 
 
 def _turning(method: Method) -> int:
-    """Address of the unit that turns momenta where another energy than H is conserved."""
+    """Return the address of the unit that reflects momenta at another conserved energy than H; 0 for H."""
     if method.shadow.size:
         return turn_shadow.address
     return turn_numerical.address if method.numerical else 0
 
 
 def _balancing(method: Method) -> int:
-    """Address of the unit that conserves another energy than H where contacts land."""
+    """Return the address of the unit that conserves another energy than H where contacts land; 0 for H."""
     if not method.closed_loop:
         return 0
     if method.shadow.size:
@@ -178,7 +178,7 @@ def _address(function: object) -> int:
 
 @cache
 def _clock() -> int:
-    """Address of the C library's ``clock_gettime``; 0 where there is none, and then compiled solves go untimed."""
+    """Return the address of the C library's ``clock_gettime``, or 0 without one: compiled solves are then not timed."""
     try:
         function = ctypes.CDLL(None).clock_gettime
     except (AttributeError, OSError, TypeError):
@@ -188,7 +188,7 @@ def _clock() -> int:
 
 @cache
 def _brentq() -> int:
-    """Address of SciPy's Brent's method, of its interface for compiled code."""
+    """Return the address of Brent's method in SciPy's interface for compiled code."""
     from numba.extending import get_cython_function_address
 
     return int(get_cython_function_address("scipy.optimize.cython_optimize._zeros", "brentq"))

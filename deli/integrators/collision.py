@@ -1,4 +1,4 @@
-"""Collision integrators: steps that are interrupted where they meet a constraint."""
+"""Collision integrators: steps that are cut at the times when they meet a constraint."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -18,8 +18,8 @@ class Collision(Integrator):
         (q′, p′) = Φ_s(q, p),   p″ = R(q′, p′),   (x, p⁺) = Φ_{h−s}(q′, p″)
 
     where the last part is cut again at the next event, as often as needed. s is found to rounding by Brent's method.
-    R turns all constraints that touch and approach by the generalized reflection (Algorithm 2), so it changes p by
-    impulses along their gradients, which keeps momentum maps. What R conserves is
+    R is the generalized reflection (Algorithm 2) off all constraints that touch and approach. It changes p by impulses
+    along their gradients and so conserves momentum maps. The energy that R conserves is
 
     - "hamiltonian": H (Houndonougbo, Laird and Leimkuhler 2000);
     - "numerical": the scheme's second-order numerical Hamiltonian of step size h (Bond and Leimkuhler 2007);
@@ -28,26 +28,33 @@ class Collision(Integrator):
       collision integrator (Fetecau, Marsden, Ortiz and West 2003), which is symplectic.
 
     Parts of steps vary in size, so no modified Hamiltonian is conserved, and energy drifts. A constraint that is
-    violated and left again within one part is not seen. A step ends with a StepError where contacts rest or slide, or
-    impacts accumulate, as they do with "numerical" where a force presses on a contact that grazes, and with "discrete"
-    where a ≠ 1 leaves one of several contacts approaching; or where an impact is so slow that no a exists. `GVI` goes
-    on there.
+    violated and left again within one part is not detected. A step fails with a StepError if contacts rest or slide, if
+    impacts accumulate, or if an impact is so slow that no a exists. Impacts accumulate with "numerical" if a force
+    presses on a grazing contact, and with "discrete" if a ≠ 1 leaves one of several contacts approaching. `GVI`
+    continues in all these cases.
 
     Parameters
     ----------
     scheme : {"verlet", "midpoint"}
         Quadrature of the discrete Lagrangian (8.2, 8.3).
     energy : {"hamiltonian", "discrete", "numerical"}
-        What a reflection conserves.
+        Energy that a reflection conserves.
     order : {2, 4}
-        Of the steps to and from events; of order 4 they are the symmetric composition of three steps of the scheme, of
-        which the second goes back in time. Steps without events are the scheme's own, and conserve another modified
-        Hamiltonian: over many events energy may drift more than with order 2.
+        Order of the steps to and from events. Steps of order 4 are the symmetric composition of three steps of the
+        scheme, of which the second goes back in time. Steps without events are the scheme's own, and conserve another
+        modified Hamiltonian: over many events energy may drift more than with order 2.
 
     Raises
     ------
     InputError
         For a value that is not in these lists.
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.point_mass(), deli.Collision(), step_size=0.1, steps=50)
+    >>> int(run["trajectory"].reflected_contacts.sum())  # impacts
+    6
     """
 
     CHOICES: ClassVar[Choices] = {
@@ -61,7 +68,7 @@ class Collision(Integrator):
     order: int = 2
 
     def recipe(self) -> Recipe:
-        """Return the weights of the scheme, and what reflections conserve."""
+        """Return the weights of the scheme, and the energy that reflections conserve."""
         scheme = get_scheme(self.scheme)
         return Recipe(
             unit="deli.kernels.collision.collide",

@@ -10,26 +10,34 @@ from deli.kernels.codes import MOVING
 
 @dataclass(frozen=True)
 class Direct(Integrator):
-    """Implicit midpoint with the constraints' forces substituted for forces (Kaufman and Pai 2012, B.3 to B.5).
+    """Implicit midpoint method with constraint forces substituted directly (Kaufman and Pai 2012, B.3 to B.5).
 
     With y = (q + x)/2, or y = x where constrained at the endpoint, one step solves
 
         M(x − q)/h = p − (h/2) ∇V((q + x)/2) + N(y)λ + F(y)ν,   0 ≤ λ ⊥ g(y) ≥ 0,   f(y) = 0
 
-    and sets p⁺ = (2/h) M(x − q) − p (B.15). At the midpoint, x is a stationary point of (B.14). Nonlinear g, f and V
-    are met by a sequence of convex programs, of which the first is exact where V is quadratic and g is linear.
-    Impacts give back an amount of energy that depends on where in the step they fall: at the midpoint too much or too
-    little, at the endpoint at most all of it (Theorem B.1).
+    and sets p⁺ = (2/h) M(x − q) − p (B.15). At the midpoint, x is a stationary point of (B.14). For nonlinear g, f and
+    V a step solves a sequence of convex programs; the first is exact if V is quadratic and g is linear. The energy
+    after an impact depends on the time of the impact within the step: with constraints at the midpoint it may rise or
+    fall, with constraints at the endpoint it cannot rise (Theorem B.1).
 
     Parameters
     ----------
     constraint : {"midpoint", "endpoint"}
-        Where the constraints hold, and where their gradients are taken.
+        Point at which the constraints hold, and at which their gradients are taken.
 
     Raises
     ------
     InputError
         For another name.
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.point_mass(), deli.Direct(constraint="endpoint"), step_size=0.1, steps=50)
+    >>> energy = run["trajectory"].hamiltonian
+    >>> [round(float(energy[step]), 2) for step in (0, 50)]  # impacts dissipate
+    [9.8, 0.08]
     """
 
     CHOICES: ClassVar[Choices] = {"constraint": ("midpoint", "endpoint")}

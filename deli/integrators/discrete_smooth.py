@@ -12,10 +12,10 @@ from deli.mechanics.schemes import SCHEMES, get_scheme
 class DiscreteSmooth(Integrator):
     """Discrete-Smooth Integrator (Kaufman and Pai 2012, section 5.1).
 
-    Position update with complementarity on all constraints active at q (5.6, 5.7), then the momentum projection (5.8,
-    5.9). It is symplectic and conserves momentum maps (Theorem 5.1) along smooth trajectories, where every active
-    constraint is met tangentially. It has no reflections: a constraint met at speed is not kept, and the recorded gaps
-    show it; use `GVI` there.
+    A step is the position update with complementarity on all constraints active at q (5.6, 5.7), and then the momentum
+    projection (5.8, 5.9). It is symplectic and conserves momentum maps (Theorem 5.1) along smooth trajectories, on
+    which every active constraint is met tangentially. There are no reflections: a constraint that is met at speed is
+    violated, as the recorded gaps show; use `GVI` there.
 
     Parameters
     ----------
@@ -26,6 +26,14 @@ class DiscreteSmooth(Integrator):
     ------
     InputError
         For an unknown scheme.
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.spring_sphere(), deli.DiscreteSmooth(), step_size=0.1, steps=100)
+    >>> energy = run["trajectory"].hamiltonian
+    >>> bool(abs(energy - energy[0]).max() < 0.1)
+    True
     """
 
     CHOICES: ClassVar[Choices] = {"scheme": tuple(SCHEMES)}

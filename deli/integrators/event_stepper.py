@@ -1,4 +1,4 @@
-"""A stepper whose steps SciPy takes, from event to event."""
+"""A stepper that integrates from event to event with SciPy."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -15,13 +15,13 @@ from deli.kernels.contacts import VIOLATED
 from deli.kernels.record import Record
 from deli.mechanics.scene import Scene
 
-MOST_EVENTS = 1000  # of one step
-_ROUNDING = 8 * 2.0**-52  # of positions and of the way of one step, which leaks into gaps
+MOST_EVENTS = 1000  # in one step
+_ROUNDING = 8 * 2.0**-52  # rounding in gaps, relative to positions and the path of one step
 _OPENED = 8.0  # roundings that a contact must open by before it is met again
 
 
 class EventStepper(Stepper):
-    """A stepper whose steps are taken by SciPy, and its reflections and records by kernels.
+    """A stepper with steps by SciPy, and with reflections and records by kernels.
 
     `settings` are keywords of `scipy.integrate.solve_ivp`.
     """
@@ -36,7 +36,7 @@ class EventStepper(Stepper):
         contact_tolerance: float,
         settings: Mapping[str, Any],
     ) -> None:
-        # What is met to rounding must touch, to be reflected.
+        # A contact that is met to rounding must count as touching, so that it is reflected.
         super().__init__(scene, step_size, recipe, solvers, skip, max(contact_tolerance, VIOLATED))
         self._settings, self._span = settings, float(step_size)
 
@@ -49,7 +49,7 @@ class EventStepper(Stepper):
         return q, p
 
     def advance(self, block: Record, steps: int, every: int, deadline: float) -> StepError | None:
-        """Step on; see `Stepper.advance`."""
+        """Take further steps; see `Stepper.advance`."""
         progress, rows = block.fields.progress, len(block.fields.steps)
         while progress[0] < steps and progress[1] < rows:
             q, p = (part.copy() for part in self.state)
@@ -69,7 +69,7 @@ class EventStepper(Stepper):
         return None
 
     def _integrate(self, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Integrate from (q, p) over one step; one that fails reflects nothing."""
+        """Integrate from (q, p) over one step; a step that fails counts no reflected contacts."""
         struck = self.stats.reflected_contacts
         try:
             return self._follow(q, p)
@@ -113,10 +113,10 @@ class EventStepper(Stepper):
 
 
 class _Gaps:
-    """All gaps at once, for events that ask for them one by one.
+    """All gaps at once, for SciPy's events, which are functions of one gap each.
 
-    A contact that touches to rounding where motion begins is not met there, whatever the sign of its gap: it is met
-    where it falls below that by more than rounding.
+    A contact that touches to rounding at the beginning is not met there, whatever the sign of its gap. It is met when
+    its gap falls below the initial value by more than rounding.
     """
 
     def __init__(self, scene: Scene, span: float) -> None:
@@ -125,7 +125,7 @@ class _Gaps:
         self._touching, self._level = np.empty(0, dtype=bool), np.empty(0)
 
     def begin(self, y: np.ndarray) -> bool:
-        """Begin at a state; return whether any contact touches there to rounding, or is violated."""
+        """Begin at a state, and return whether any contact is violated there, or touches to rounding."""
         gaps, rounding = self._scene.unilateral.value(y[: self._scene.dof]), self._rounding(y)
         self._touching = gaps <= rounding
         self._level = np.where(self._touching, gaps - rounding, 0.0)
@@ -133,7 +133,7 @@ class _Gaps:
         return bool(self._touching.any())
 
     def event(self, row: int) -> Callable[[float, np.ndarray], float]:
-        """Return an event that ends the integration where one gap falls below its level."""
+        """Return an event that ends the integration when one gap falls below its level."""
 
         def above(now: float, y: np.ndarray) -> float:
             if now != self._time:
@@ -144,7 +144,7 @@ class _Gaps:
         return above
 
     def opened(self, row: int, y: np.ndarray, steps: float) -> bool:
-        """Whether a contact that is met has opened meanwhile by more than rounding: its speed times the time tells."""
+        """Return whether a contact has opened by more than rounding before it is met, judged by its speed and time."""
         if not self._touching[row]:
             return True
         q, velocity = np.split(y, 2)

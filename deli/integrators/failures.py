@@ -1,4 +1,4 @@
-"""What a kernel's code means, in words."""
+"""The messages for the codes with which kernels fail."""
 
 from typing import TYPE_CHECKING
 
@@ -12,17 +12,17 @@ if TYPE_CHECKING:
 
 
 def explain(code: int, bound: "Bound") -> BaseException:
-    """Return what to raise for the code with which a kernel has returned.
+    """Return the exception for the code with which a kernel has returned.
 
     Raises
     ------
     StepError
-        Where the metric of a numerical Hamiltonian is not positive definite; it says from which step size on.
+        If the metric of a numerical Hamiltonian is not positive definite; the message names the largest step size.
     """
     raised = bound.forget()
     if raised is not None:
         return raised
-    if code == codes.RAISED:  # a signal ended a function of Python's before its first line
+    if code == codes.RAISED:  # a signal ended a Python function before its first line
         return KeyboardInterrupt()
     report, scheme = bound.work.report, bound.recipe.numerical
     if code == codes.UNCONVERGED:
@@ -35,9 +35,9 @@ def explain(code: int, bound: "Bound") -> BaseException:
     operator, _ = SELECTIONS[bound.method.operator]
     if code == codes.NO_DIRECTION:
         return StepError(
-            f"reflection: {operator!r} turns back and forth between {report[0]:.0f} contacts that leave "
-            f"the momentum no direction in which all of them separate; use a smaller step_size, so that "
-            f"fewer of them are met at once."
+            f"reflection: {operator!r} turns back and forth between {report[0]:.0f} contacts, because there is "
+            f"no momentum at which all of them separate; use a smaller step_size, so that fewer of them are met "
+            f"at once."
         )
     if code == codes.TOO_MANY_PASSES:
         return StepError(
@@ -63,10 +63,10 @@ def explain(code: int, bound: "Bound") -> BaseException:
         )
     if code == codes.NO_SHADOW:
         return StepError(
-            f"reflection: the smooth steps of {bound.step_size:g} that the shadow energy is taken from did not "
+            f"reflection: the smooth steps of size {bound.step_size:g} that define the shadow energy did not "
             "converge, or no impulse conserves it; use a smaller step_size, or energy = 'hamiltonian'."
         )
     if code == codes.INDEFINITE and scheme is not None:
-        reflection_metric(bound.scene, scheme, bound.work.q, bound.step_size)  # says from which step size on
+        reflection_metric(bound.scene, scheme, bound.work.q, bound.step_size)  # its message names the largest step size
         return StepError("reflection: the metric of the numerical Hamiltonian is not positive definite to rounding.")
     return StepError("the state is no longer finite; use a smaller step_size.")

@@ -28,21 +28,21 @@ class GVI(Integrator):
     reflection : {"generalized", "moreau", "sequential"}
         Reflection operator: Algorithm 2, Algorithm 3, or one contact at a time.
     energy : {"hamiltonian", "numerical", "shadow2", "shadow4", "shadow6", "shadow8"}
-        What a reflection conserves: H, the scheme's second-order numerical Hamiltonian, or its shadow energy of order
-        2, 4, 6 or 8 as `deli.metrics.shadow_energy` has it, which needs no hessian and knows the forces of constraints.
-        A reflection moves the energy that the smooth steps keep by O(h²), O(h⁴), and O(h^(order + 2)).
+        Energy that a reflection conserves: H, the scheme's second-order numerical Hamiltonian, or its shadow energy of
+        order 2, 4, 6 or 8 (`deli.metrics.shadow_energy`), which needs no hessian and includes constraint forces. A
+        reflection changes the energy that the smooth steps conserve by O(h²), O(h⁴), and O(h^(order + 2)).
     predictor : {"forward", "closed_loop"}
-        Where 𝔸 comes from: the unconstrained step (8.1), or the step's own result, repeated until it violates nothing.
-        What a reflection cannot keep apart for a whole step lands: it keeps its gap, ``0 <= λ ⊥ g(x) - g(q) >= 0``,
-        and the energy of its momentum along ∇g. A step then ends with g(x) >= -tolerance, or with a `StepError`; see
-        ``docs/explanation/closed_loop.md``.
+        Origin of 𝔸: the unconstrained step (8.1), or the step's own result, repeated until it violates nothing. With
+        the latter, a contact that a reflection cannot keep open for a whole step lands: it keeps its gap,
+        ``0 <= λ ⊥ g(x) - g(q) >= 0``, and the energy of its momentum along ∇g. A step then ends with g(x) >= -tolerance
+        or with a `StepError`; see ``docs/explanation/closed_loop.md``.
     linearized : bool
-        Within a step, replace every constraint by its tangent at the prediction qᵖ, g(y) ≈ g(qᵖ) + ∇g(qᵖ)ᵀ(y − qᵖ),
-        for the comparison of Fig. 8.2d: energy stays bounded, but angular momentum is lost, for a tangent does not
+        Whether a step replaces every constraint by its tangent at the prediction qᵖ, g(y) ≈ g(qᵖ) + ∇g(qᵖ)ᵀ(y − qᵖ),
+        for the comparison of Fig. 8.2d: energy stays bounded, but angular momentum is lost, because a tangent does not
         turn with the bodies.
     order : {"index", "fastest"}
-        Which approaching contact ``reflection="sequential"`` takes next: the one that follows the last by index, or the
-        one with the largest approach speed ``−∇gᵀv / ‖∇g‖``, in the norm of M⁻¹; among equals, the first by index.
+        Order in which ``reflection="sequential"`` takes approaching contacts: by index after the last one, or by the
+        largest approach speed ``−∇gᵀv / ‖∇g‖``, in the norm of M⁻¹; among equal speeds, the first by index.
 
     Raises
     ------
@@ -52,11 +52,22 @@ class GVI(Integrator):
     Notes
     -----
     With ``energy="hamiltonian"`` every pass of every operator is ``p⁺ = p + 2 P_I``, where P_I is the impulse of a
-    frictionless perfectly plastic collision at the contacts that the operator selects; passes go on until no contact
-    approaches. At a single contact that is the collision law of Chatterjee and Ruina (1998),
-    ``P = (1 + e_n) P_I + (1 + e_t)(P_II − P_I)``, without friction and with e_n = 1. Their law is one of a single
-    contact. Applied to several, where the approach is fastest and until there is none, it is
-    ``reflection="sequential", order="fastest"``; with P_I taken at all contacts that do not separate, ``"moreau"``.
+    frictionless perfectly plastic collision at the contacts that the operator selects. Passes are repeated until no
+    contact approaches. At a single contact this is the collision law of Chatterjee and Ruina (1998),
+    ``P = (1 + e_n) P_I + (1 + e_t)(P_II − P_I)``, without friction and with e_n = 1. Their law is for a single
+    contact. Applied to several contacts one after the other, always to the fastest approach until none is left, it is
+    ``reflection="sequential", order="fastest"``; with P_I taken at all contacts that do not separate, it is
+    ``"moreau"``.
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.quartic_wall(), deli.GVI(), step_size=0.1, steps=100)
+    >>> energy = run["trajectory"].hamiltonian
+    >>> bool(abs(energy - energy[0]).max() < 1e-3)
+    True
+    >>> bool(run["trajectory"].gap_min.min() > 0.0)
+    True
     """
 
     CHOICES: ClassVar[Choices] = {
@@ -78,12 +89,12 @@ class GVI(Integrator):
         super().__post_init__()
         if (self.reflection, self.order) not in SELECTIONS:
             raise InputError(
-                f"GVI: order {self.order!r} is for reflection 'sequential', which takes one contact at a time; "
+                f"GVI: order {self.order!r} is for reflection 'sequential', which reflects one contact at a time; "
                 f"reflection is {self.reflection!r}."
             )
 
     def recipe(self) -> Recipe:
-        """Return what Algorithm 1 is to do."""
+        """Return the recipe of Algorithm 1 with these settings."""
         scheme = get_scheme(self.scheme)
         return Recipe(
             weights=scheme.weights,

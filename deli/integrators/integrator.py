@@ -1,4 +1,4 @@
-"""What every method has in common: settings that are checked, and steppers made from its recipe."""
+"""The base of all methods: checked settings, and steppers made from a method's recipe."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -23,12 +23,12 @@ class Integrator(ABC):
     Attributes
     ----------
     CHOICES : mapping
-        By setting, the values it can have.
+        Allowed values, by setting.
     RANGES : mapping
-        By setting, the least and the largest number it can be.
+        Smallest and largest allowed number, by setting.
     MEMORY : tuple of str
-        Names of what the method carries from step to step besides q and p, each of dof numbers; they are recorded, and
-        described in `deli.recording.schema`.
+        Names of the arrays of dof numbers that the method carries from step to step besides q and p; they are recorded,
+        and described in `deli.recording.schema`.
     """
 
     CHOICES: ClassVar[Choices] = {}
@@ -41,7 +41,7 @@ class Integrator(ABC):
 
     @abstractmethod
     def recipe(self) -> Recipe:
-        """What kind of step the method takes."""
+        """Return the recipe of a step of the method."""
 
     def stepper(
         self,

@@ -1,4 +1,4 @@
-"""What kind of step a method takes: the description from which a stepper is made."""
+"""The recipe of a method's step, from which a stepper is made."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,33 +14,33 @@ Weights = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
-    """A method in the numbers that its step is made of; what they mean, `deli.kernels.system.Method` says.
+    """A method as the numbers of its step, whose meaning is described in `deli.kernels.system.Method`.
 
     Attributes
     ----------
     unit : str
-        The unit that takes a step: its module and its name.
+        Module and name of the unit that takes a step.
     weights, later : (start, middle, end)
-        Of the force in the position update, and in the momentum at x of methods that do not reflect.
+        Weights of the force in the position update, and in the momentum at x of methods without reflections.
     gain, share, place, rows, restitution
-        Of methods that do not reflect.
+        Numbers of methods without reflections.
     recurrence : rows of 3 numbers
-        Of the nonsmooth generalized-alpha method.
+        Weights of the nonsmooth generalized-alpha method.
     memory : int
-        Arrays of dof numbers that a state has besides q and p.
+        Number of arrays of dof numbers in a state besides q and p.
     begin : callable, optional
         ``begin(scene, position)`` returns the memory with which a run begins, of shape (memory, dof).
     reflects : bool
-        Whether Algorithm 1 is followed, or only its smooth part.
+        Whether a step follows Algorithm 1, or only its smooth part.
     operator, order : str
         A pair of `deli.subproblems.reflection.SELECTIONS`.
     numerical : Scheme, optional
-        The scheme whose numerical Hamiltonian reflections conserve, if it is one's.
+        The scheme whose numerical Hamiltonian reflections conserve; None if they conserve another energy.
     shadow : int
-        Order of the shadow energy that reflections conserve, if it is one: 2, 4, 6 or 8.
+        Order of the shadow energy that reflections conserve: 2, 4, 6 or 8; 0 if they conserve another energy.
     closed_loop : bool
     event_order, discrete
-        Of collision integrators.
+        Settings of collision integrators.
     """
 
     unit: str = "deli.kernels.step.step"

@@ -1,4 +1,4 @@
-"""Methods by the name they have in a config."""
+"""The methods, by their names in a config."""
 
 from deli.integrators.collision import Collision
 from deli.integrators.direct import Direct

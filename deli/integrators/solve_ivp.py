@@ -1,4 +1,4 @@
-"""SciPy's `solve_ivp` with events: what contact is often simulated with."""
+"""SciPy's `solve_ivp` with events, a common way to simulate contact."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
@@ -17,30 +17,39 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SolveIvp(Integrator):
-    """Adaptive integration between events by `scipy.integrate.solve_ivp`, to compare geometric methods with.
+    """Adaptive integration between events by `scipy.integrate.solve_ivp`, for comparison with geometric methods.
 
-    M q̈ = −∇V(q) is integrated over each step of size h to the tolerances given; where a gap crosses zero, all contacts
+    M q̈ = −∇V(q) is integrated over each step of size h to the given tolerances. When a gap crosses zero, all contacts
     that touch are reflected by Algorithm 2, which conserves H, and the integration begins anew. A gap that is zero to
-    rounding at the start of a step has crossed it there, so that an impact may fall on the end of a step. Steps h only
-    say where states are recorded; nothing is carried over from one to the next. Evaluations of the force are counted as
-    iterations of the position subproblem. A contact tolerance below 1e-12, which is rounding, counts as 1e-12.
+    rounding at the start of a step counts as crossing zero there, so that an impact may fall on the end of a step. The
+    step size h only determines the times of the states; nothing else is carried over from step to step. Evaluations of
+    the force are counted as iterations of the position subproblem. A contact tolerance below 1e-12, the size of
+    rounding, is replaced by 1e-12.
 
-    A step ends with a StepError where contacts rest or slide under a force, or impacts accumulate: where a contact is
-    met again before it has opened by more than rounding. A contact that is violated and left again within one of the
-    solver's own steps is not seen.
+    A step fails with a StepError if contacts rest or slide under a force, or if impacts accumulate: if a contact is met
+    again before it has opened by more than rounding. A contact that is violated and left again within one of the
+    solver's own steps is not detected.
 
     Parameters
     ----------
     algorithm : {"DOP853", "RK45", "Radau", "LSODA"}
-        `solve_ivp`'s method.
+        Method of `solve_ivp`.
     rtol, atol : float
-        Its relative and absolute tolerance.
+        Relative and absolute tolerance of `solve_ivp`.
 
     Raises
     ------
     InputError
-        For a value out of range; from `stepper`, for a scene with bilateral constraints or with contacts that are found
-        by search.
+        For a value out of range; from `stepper`, for a scene with bilateral constraints or with contacts found by
+        search.
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.quartic_wall(), deli.SolveIvp(), step_size=0.5, steps=10)
+    >>> energy = run["trajectory"].hamiltonian
+    >>> bool(abs(energy - energy[0]).max() < 1e-9)
+    True
     """
 
     CHOICES: ClassVar[Choices] = {"algorithm": ("DOP853", "RK45", "Radau", "LSODA")}
@@ -64,7 +73,7 @@ class SolveIvp(Integrator):
     ) -> "Stepper":
         """Bind the method to a scene; see `deli.integrators.stepper.Stepper`."""
         if scene.bilateral.rows:
-            raise InputError("SolveIvp integrates no bilateral constraints; choose a scene without, or deli.GVI.")
+            raise InputError("SolveIvp integrates no bilateral constraints; choose another scene, or deli.GVI.")
         if scene.unilateral.searched:
             raise InputError(
                 "SolveIvp follows no contacts that are found by search; choose another scene, or deli.GVI."

@@ -1,4 +1,4 @@
-"""A method bound to a scene: it steps, by itself or many steps at once, and knows what that cost."""
+"""A method bound to a scene: single steps, many steps at once, and the statistics of their cost."""
 
 import numpy as np
 
@@ -19,10 +19,10 @@ from deli.subproblems.stats import StepStats
 
 
 class Stepper:
-    """Advances one scene by a method.
+    """A method bound to one scene, which it advances.
 
-    A step is a function of the state alone, which is (q, p), or (q, p, memory) where the method carries more from step
-    to step: nothing is warm-started unless a choice of solver asks for it, so a run can be continued from any recorded
+    A step is a function of the state alone: of (q, p), or of (q, p, memory) for a method that carries more from step
+    to step. Nothing is warm-started unless a choice of solver asks for it, so a run can be continued from any recorded
     state.
 
     Parameters
@@ -31,11 +31,12 @@ class Stepper:
     step_size : float
         h > 0.
     recipe : Recipe
-        What kind of step the method takes.
+        The recipe of the method's step.
     solvers : str or mapping
         As for `deli.simulate`.
     skip : bool
-        Answer without a solver what needs none; the trajectory is the same to solver tolerance.
+        Whether subproblems that need no solver are answered without one; the trajectory is the same to solver
+        tolerance.
     contact_tolerance : float
         τ: "g = 0" means ``|g_i| ≤ τ L |∇g_i(q₀)|`` with L the scene's length; "∇gᵀv = 0" means
         ``|∇g_iᵀv| ≤ τ ‖∇g_i‖ (‖p‖ + ‖impulse of the forces in one step‖)``, norms in the metric M⁻¹ over the bodies
@@ -45,7 +46,7 @@ class Stepper:
     ----------
     scene : Scene
     stats : StepStats
-        What the steps since the last ``stats.reset()`` cost.
+        Statistics of the steps since the last ``stats.reset()``.
 
     Raises
     ------
@@ -72,24 +73,24 @@ class Stepper:
 
     @property
     def scene(self) -> Scene:
-        """The scene that is stepped."""
+        """The scene that the stepper advances."""
         return self._bound.scene
 
     def collect(self, collector: Collector) -> None:
-        """Let the collector have every subproblem that a solver gets from now on."""
+        """Hand every subproblem that a solver gets from now on to the collector as well."""
         self._bound.collect(collector)
 
     def switch(self, scene: Scene, system: int | None = None) -> None:
         """Step another scene of equal dof and dimension from now on, as if this were a new stepper.
 
-        Solvers that were asked for warm starts still begin with their last answers.
+        Solvers with warm starts still begin with their last answers.
 
         Parameters
         ----------
         scene : Scene
         system : int, optional
-            Address of its record in `deli.integrators.systems.bind_systems`, which the caller keeps alive; for a scene
-            of the same shape as the one that the stepper was made for.
+            Address of the scene's record in `deli.integrators.systems.bind_systems`, which the caller keeps alive, if
+            the scene has the same shape as the stepper's first one.
         """
         self.stats.reset()
         self.stats.tally.contacts[0] = 0
@@ -97,26 +98,26 @@ class Stepper:
 
     @property
     def implicit(self) -> bool:
-        """Whether a step's force depends on where it leads."""
+        """Whether the force of a step depends on the new position."""
         return self._bound.method.implicit
 
     @property
     def backends(self) -> set[str]:
-        """Names of the backends that have solved something so far."""
+        """Names of the backends that have solved a subproblem so far."""
         names = self._bound.backends
         return names | {"native"} if self.stats.native_solves else names
 
     @property
     def search_seconds(self) -> float:
-        """Seconds that searches for neighbours have taken so far."""
+        """Seconds spent in searches for neighbours so far."""
         return self._bound.search_seconds
 
     def step(
         self, position: np.ndarray, momentum: np.ndarray, memory: np.ndarray | None = None
     ) -> tuple[np.ndarray, ...]:
-        """Return the state one step later, arrays that are not to be written to: (q, p), or (q, p, memory).
+        """Return the state one step later as read-only arrays: (q, p), or (q, p, memory).
 
-        Without `memory` a method that has one begins anew.
+        Without `memory`, a method with memory begins anew.
 
         Raises
         ------
@@ -152,16 +153,16 @@ class Stepper:
 
     @property
     def state(self) -> tuple[np.ndarray, ...]:
-        """(q, p) or (q, p, memory) after the last step of `advance`; arrays that later steps write to."""
+        """The state (q, p) or (q, p, memory) after the last step of `advance`; later steps write to these arrays."""
         work = self._bound.work
         return self._parts(work.q, work.p, work.memory)
 
     def place(self, position: np.ndarray, momentum: np.ndarray, memory: np.ndarray | None = None) -> None:
-        """Put the scene in a state, from which `advance` goes on; without `memory`, in one in which a run begins."""
+        """Put the scene in a state from which `advance` continues; without `memory`, with that of a run's beginning."""
         self._bound.place(position, momentum, memory)
 
     def record(self, block: Record) -> None:
-        """Write the state as the next row of `block`, with what the steps since the row before have cost."""
+        """Write the state as the next row of `block`, with the statistics of the steps since the row before."""
         if block.fields.progress[1] == len(block.fields.steps):
             raise InputError(f"the block is full: all of its {len(block.fields.steps)} rows are written.")
         code = self._bound.call(record_state, block.address)
@@ -169,7 +170,7 @@ class Stepper:
             raise explain(code, self._bound)
 
     def diagnose(self, position: np.ndarray, momentum: np.ndarray) -> np.ndarray:
-        """Diagnostics of states q, p of shape (rows, dof), a row each, with the columns of `Block`."""
+        """Return diagnostics of states q, p of shape (rows, dof), a row each, with the columns of `Block`."""
         block = make_block(1, self.scene.dof, self.scene.dimension)
         found = np.empty((len(position), block.fields.diagnostics.shape[1]))
         for row in range(len(position)):
@@ -180,12 +181,12 @@ class Stepper:
         return found
 
     def shadow_energies(self, position: np.ndarray, momentum: np.ndarray) -> np.ndarray:
-        """Shadow energies, shape (rows,), of states q, p of shape (rows, dof), of the order in the recipe.
+        """Return shadow energies, shape (rows,), of states q, p of shape (rows, dof), of the order in the recipe.
 
         Raises
         ------
         StepError
-            Where the smooth steps from a state do not converge.
+            If the smooth steps from a state do not converge.
         """
         found = np.empty(len(position))
         for row in range(len(position)):
@@ -197,14 +198,14 @@ class Stepper:
         return found
 
     def advance(self, block: Record, steps: int, every: int, deadline: float) -> StepError | None:
-        """Step on until `steps` steps of a run are taken, `block` is full, or the clock passes `deadline`.
+        """Take steps until the run has `steps` steps, `block` is full, or the clock passes `deadline`.
 
-        Steps taken and rows filled are counted in the block. Returns what stopped the run, if anything did.
+        The block counts steps and filled rows. Returns the error that stopped the run, or None.
 
         Raises
         ------
         Exception
-            Whatever a function of the user's raises; `state` is the last good one then.
+            Any exception of a user's function; `state` is then the last good state.
         """
         progress, bound = block.fields.progress, self._bound
         bound.advanced()

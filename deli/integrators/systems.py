@@ -1,4 +1,4 @@
-"""Many scenes of the same shape bound to a scheme at once: what kernels read, with the scene as the first axis."""
+"""Many scenes of the same shape bound to a scheme at once: the arrays of kernels, with the scene as the first axis."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,7 +13,7 @@ from deli.mechanics.tables import PLANE, Rows, Terms
 
 
 def shape_of(scene: Scene) -> tuple[int, ...] | None:
-    """Sizes that scenes have in common which steppers can switch between by `bind_systems`; None where none can."""
+    """Return the sizes that scenes must share for `bind_systems`, or None for a scene that it cannot bind."""
     potential, unilateral, bilateral = scene.potential, scene.unilateral, scene.bilateral
     if unilateral.searched or potential.others or unilateral.others or bilateral.others:
         return None
@@ -22,7 +22,7 @@ def shape_of(scene: Scene) -> tuple[int, ...] | None:
 
 
 def bind_systems(scenes: Sequence[Scene], implicit: bool) -> Records:
-    """Return the arrays of scenes of one shape, the same to the bit as `bind_system` returns for each."""
+    """Return the arrays of scenes of one shape, equal to the bit to those of `bind_system` for each scene."""
     length: Any = np.array([scene.length_scale for scene in scenes])
     mass = _column([scene.mass for scene in scenes])
     free, held = (
@@ -46,7 +46,7 @@ def bind_systems(scenes: Sequence[Scene], implicit: bool) -> Records:
 
 
 def _column(arrays: list[np.ndarray]) -> np.ndarray:
-    """The arrays one after the other along a new first axis; of one that all share, a view."""
+    """Return the arrays stacked along a new first axis; a view if all of them are the same array."""
     first = arrays[0]
     if all(array is first for array in arrays):
         return first[np.newaxis]

@@ -1,4 +1,4 @@
-"""Many steps at once, with the rows that a run records."""
+"""Many steps at once, with the recorded rows of a run."""
 
 import math
 from typing import Annotated, NamedTuple
@@ -24,12 +24,12 @@ class Block(NamedTuple):
     Attributes
     ----------
     progress : (2,) int64 array
-        Steps of the run that have been taken, and rows of the block that are filled.
+        Number of steps that the run has taken, and number of filled rows of the block.
     steps : (rows,) int64 array
-        Steps of the run that lead to each row.
+        Number of steps of the run before each row.
     position, momentum : (rows, dof) arrays
     memory : (rows, names, dof) array
-        What the method carries besides, see `Work`.
+        Arrays that the method carries besides q and p, see `Work`.
     diagnostics : (rows, columns) array
         Kinetic and potential energy, least gap, equality residual, linear momentum, angular momentum.
     counts : (rows, 7, 3) int64 array
@@ -37,7 +37,7 @@ class Block(NamedTuple):
     residuals : (rows, 3, 3) array
     status : (rows, 3) int64 array
     contacts : (rows, 2) int64 array
-        As in `Tally`; of `counts` to `status` no row where they are not recorded.
+        As in `Tally`; `counts` to `status` have no rows if they are not recorded.
     """
 
     progress: Numbers
@@ -57,7 +57,7 @@ BLOCK = RecordType(Block)
 
 
 def make_block(rows: int, dof: int, dimension: int, memory: int = 0) -> Record:
-    """Return an empty block; `memory` counts what the method carries besides q and p."""
+    """Return an empty block; `memory` is the number of arrays that the method carries besides q and p."""
     angular = {1: 0, 2: 1, 3: 3}[dimension]
     return Record(
         BLOCK,
@@ -79,7 +79,7 @@ def make_block(rows: int, dof: int, dimension: int, memory: int = 0) -> Record:
 
 @kernel
 def diagnose(machine: Machine, out: np.ndarray) -> int:
-    """Energies, least gap, equality residual, linear and angular momentum of one state, see `Block`."""
+    """Write energies, least gap, equality residual, linear and angular momentum of one state, see `Block`."""
     system, work, mail = machine.system, machine.work, machine.mail
     dimension = system.dimension
     kinetic = 0.0
@@ -151,14 +151,14 @@ def record(machine: Machine, block: Block) -> int:
 
 @unit(types.int64, MACHINE, BLOCK)
 def record_state(machine: Machine, block: Block) -> int:
-    """Write a row of a state of which the gaps are not known."""
+    """Write a row of a state with unknown gaps."""
     code = find_gaps(machine, machine.work.q, machine.work.gaps)
     return record(machine, block) if code == DONE else code
 
 
 @unit(types.int64, MACHINE, BLOCK, types.int64, types.int64, types.float64)
 def advance(machine: Machine, block: Block, steps: int, every: int, deadline: float) -> int:
-    """Step (``work.q``, ``work.p``) until the run has `steps` steps, the block is full or the clock passes `deadline`.
+    """Advance (``work.q``, ``work.p``) until the run has `steps` steps, the block is full or `deadline` has passed.
 
     A row is written after every `every`-th step of the run and after the last.
     """
@@ -188,5 +188,5 @@ def advance(machine: Machine, block: Block, steps: int, every: int, deadline: fl
 
 @unit(types.int64, MACHINE)
 def has_strayed(machine: Machine) -> int:
-    """Whether neighbours must be searched anew around the state."""
+    """Return whether neighbours must be searched anew around the state."""
     return 1 if strayed(machine, machine.work.q) else 0

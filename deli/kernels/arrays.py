@@ -1,4 +1,4 @@
-"""Kinds of arrays in the records that kernels read and write."""
+"""Types of the arrays in the records that kernels read and write."""
 
 from typing import Annotated
 

@@ -1,7 +1,7 @@
-"""What a landed contact keeps of its momentum across the level, where reflections conserve another energy than H.
+"""Momentum of landed contacts normal to their level, where reflections conserve another energy than H.
 
-The momentum at x is y_t + a n′, see `deli.kernels.landing`, with a >= 0 from E(x, y_t + a n′) = E(q, p⁺); where no a
-does, the one that comes nearest. On entry ``work.carried`` is y_t, and ``work.latent`` n′.
+The momentum at x is y_t + a n′, see `deli.kernels.landing`, with a >= 0 from E(x, y_t + a n′) = E(q, p⁺); without a
+solution, a is the value that comes nearest. On entry ``work.carried`` is y_t, and ``work.latent`` n′.
 """
 
 import math
@@ -21,9 +21,9 @@ _ITERATIONS = 200
 
 @kernel
 def _numerical_energy(machine: Machine, kinetic: bool) -> tuple[int, float, float, float]:
-    """Numerical Hamiltonian at x of ``work.carried``, and W between it and ``work.latent``, and of that with itself.
+    """Return a code, the numerical Hamiltonian of y = ``work.carried`` at x, yᵀWn′ and n′ᵀWn′, n′ = ``work.latent``.
 
-    Without `kinetic`, at (q, p), and zeros.
+    Without `kinetic`, return the numerical Hamiltonian at (q, p), and zeros.
     """
     system, method, work, mail = machine.system, machine.method, machine.work, machine.mail
     q, p, latent, dof = work.q, work.p, work.latent, work.q.size
@@ -51,7 +51,7 @@ def _numerical_energy(machine: Machine, kinetic: bool) -> tuple[int, float, floa
 
 @unit(types.int64, MACHINE, types.int64, types.int64, types.int64)
 def balance_numerical(machine: Machine, _one: int, _two: int, _three: int) -> int:
-    """Keep the numerical Hamiltonian, which is quadratic in a."""
+    """Conserve the numerical Hamiltonian, which is quadratic in a."""
     work = machine.work
     code, wanted, _, _ = _numerical_energy(machine, False)
     if code != DONE:
@@ -68,9 +68,9 @@ def balance_numerical(machine: Machine, _one: int, _two: int, _three: int) -> in
 
 @unit(types.int64, MACHINE, types.int64, types.int64, types.int64)
 def balance_shadow(machine: Machine, resting: int, _two: int, _three: int) -> int:
-    """Keep the shadow energy, which is nearly linear in a²; the first `resting` rows of ``work.pressing`` hold at x.
+    """Conserve the shadow energy, nearly linear in a², where the first `resting` rows of ``work.pressing`` hold at x.
 
-    It is that of motion without the landed contacts: what a free step before the landing keeps, and one after it.
+    It is the shadow energy of motion without the landed contacts, which free steps before and after the landing keep.
     """
     work, inverse, dof = machine.work, machine.system.inverse, machine.work.q.size
     here, tangential, momentum = work.q.copy(), work.carried.copy(), np.empty(dof)

@@ -1,4 +1,4 @@
-"""Compile the units once for a machine, several at a time, and load them from disk from then on."""
+"""Compilation of the units, once for each machine and several at a time, and loading of the compiled units."""
 
 import hashlib
 import logging
@@ -79,7 +79,7 @@ def ready() -> None:
 
 
 def sources() -> list[Path]:
-    """Return the files whose text decides what the units are compiled to."""
+    """Return the files whose text determines the compiled units."""
     solvers = Path(solver.__file__).parent
     return [
         *sorted(Path(__file__).parent.glob("*.py")),
@@ -105,13 +105,13 @@ def _make(units: list[Unit]) -> None:
 
 
 def _on_disk(unit: Unit) -> bool:
-    """Whether units of these sources have been put on disk."""
+    """Return whether units of these sources are on disk."""
     folder = cache_of(unit.function).cache_path
     return folder is not None and (Path(folder) / _marker()).exists()
 
 
 def _marker() -> str:
-    """Name of the file that says so."""
+    """Return the name of the file that marks compiled units of these sources."""
     digest = hashlib.sha256(b"".join(source.read_bytes() for source in sources()))
     digest.update(repr((sys.version, version("numba"), version("llvmlite"), llvm.get_host_cpu_name())).encode())
     return f"deli-{digest.hexdigest()[:16]}"
@@ -120,7 +120,7 @@ def _marker() -> str:
 def _build(units: list[Unit]) -> None:
     """Compile units in as many processes as there are cores.
 
-    None in this one, where code that was linked to units that are merely declared would stay.
+    No unit is compiled in this process, because code linked to units that are only declared would stay in it.
     """
     for unit in UNITS.values():  # numba knows a unit by its own file, not by the files of what it absorbs
         cache_of(unit.function).flush()

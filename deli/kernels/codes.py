@@ -1,4 +1,4 @@
-"""Numbers with a meaning: what kernels return, what they ask for, and kinds of rows, operators and subproblems."""
+"""Numeric codes: results and requests of kernels, and kinds of rows, operators and subproblems."""
 
 GENERALIZED, MOREAU, SEQUENTIAL, FASTEST = 0, 1, 2, 3  # what a pass reflects off, see `reflect`
 REFLECTION, POSITION, PROJECTION = 0, 1, 2

@@ -1,4 +1,4 @@
-"""Collision integrators: a step interrupted where it meets constraints (Kaufman and Pai 2012, section 1.3.2)."""
+"""Collision integrators: a step that is cut where it meets constraints (Kaufman and Pai 2012, section 1.3.2)."""
 
 import math
 
@@ -35,7 +35,7 @@ _NEAR, _FAR = 2.0**-6, 2.0**10  # how far from 1 such a share is sought
 
 @kernel
 def _first_violated(machine: Machine) -> int:
-    """Of the rows that the fraction at hand violates, the one that is met first on straight lines; -1 if none is."""
+    """Return the row, of those that the fraction at hand violates, that is met first on straight lines; -1 for none."""
     work, scale = machine.work, machine.system.gap_scale
     first, least = -1, math.inf
     for row in range(scale.size):
@@ -49,9 +49,10 @@ def _first_violated(machine: Machine) -> int:
 
 @kernel
 def _locate(machine: Machine, row: int, span: float, h: float) -> tuple[int, float]:
-    """When, within a fraction that violates it, a row is met.
+    """Return a code and the time at which a row is met, within a fraction that violates it.
 
-    One that touches at the start has left it: it is met again after the longest part, halving, in which it is open.
+    A row that touches at the start has opened: it is met again after the longest part in which it is open, which is
+    sought by halving.
     """
     work = machine.work
     work.meeting[0], work.meeting[2] = row, DONE
@@ -70,7 +71,7 @@ def _locate(machine: Machine, row: int, span: float, h: float) -> tuple[int, flo
 
 @kernel
 def _find_event(machine: Machine, row: int, rest: float, h: float) -> tuple[int, float]:
-    """When the first constraint is met, given one that the rest of the step violates; ends in the state there."""
+    """Return a code and the time of the first event, given a row that the rest of the step violates; move there."""
     work, span = machine.work, rest
     for _ in range(machine.system.unilateral.kind.size):
         code, span = _locate(machine, row, span, h)
@@ -113,7 +114,7 @@ def _balance(machine: Machine) -> int:
 
 @kernel
 def _meet(machine: Machine, rest: float, h: float) -> int:
-    """Reflect the momentum at an event off all that touches and approaches."""
+    """Reflect the momentum at an event off all contacts that touch and approach."""
     system, method, work = machine.system, machine.method, machine.work
     for k in range(work.q.size):
         work.q[k] = work.event[k]
@@ -150,7 +151,7 @@ def _meet(machine: Machine, rest: float, h: float) -> int:
 
 @kernel
 def _collide(machine: Machine, h: float) -> int:
-    """Take fractions of the step from event to event; ``work.gaps`` follows them."""
+    """Take fractions of the step from event to event, and keep ``work.gaps`` up to date."""
     system, method, work = machine.system, machine.method, machine.work
     rest, events, met = h, 0, False
     most = _EVENTS + _EVENTS_OF_A_BODY * system.component.size

@@ -1,4 +1,4 @@
-"""How functions are compiled: kernels, that callers absorb, and units, that are compiled once by themselves."""
+"""Compilation of functions: kernels, which callers absorb, and units, which are compiled once by themselves."""
 
 import ctypes
 from collections.abc import Callable
@@ -27,7 +27,7 @@ inner_kernel = inlined
 
 
 class Unit(types.ExternalFunction):
-    """A compiled function that others call through its symbol, and Python, without the interpreter's lock, as it is.
+    """A compiled function that other compiled functions call by its symbol, and Python without the interpreter's lock.
 
     Callers do not absorb it: its code is optimized once.
     """
@@ -40,7 +40,7 @@ class Unit(types.ExternalFunction):
 
     @property
     def address(self) -> int:
-        """Where its code is."""
+        """Address of its code."""
         self.compile()
         return int(self.compiled.address)
 
@@ -52,7 +52,7 @@ class Unit(types.ExternalFunction):
         return ctypes.CFUNCTYPE(*kinds)(self.compiled.address)
 
     def compile(self) -> None:
-        """Compile it, or load it from disk; the units it calls must be compiled, or among what it needs."""
+        """Compile it, or load it from disk; the units it calls must be compiled, or among the units it needs."""
         if self.compiled is None:
             for other in self.needs:
                 other.compile()
@@ -64,7 +64,7 @@ class Unit(types.ExternalFunction):
         return kept_callback(self.function, self.sig, PlainCompiler, nopython=True, error_model="numpy")
 
     def declare(self) -> None:
-        """Let units that call it be compiled, but not run, without it."""
+        """Declare it, so that units that call it can be compiled without it, but not run."""
         if self.compiled is None:
             llvm.add_symbol(self.symbol, _NOWHERE)
 
@@ -79,7 +79,7 @@ def unit(
 ) -> Callable[[Callable[..., Any]], Unit]:
     """Make the decorated function a unit; one must be defined after those it calls.
 
-    Of these, it `needs` those that are not compiled for every run.
+    `needs` lists the units it calls that are not compiled for every run.
     """
 
     def build(function: Callable[..., Any]) -> Unit:
@@ -92,7 +92,7 @@ def unit(
 
 @intrinsic
 def call(typing_context: Any, address: Any, one: Any, two: Any, three: Any, four: Any) -> Any:
-    """Call the function at `address` with four whole numbers; it returns one."""
+    """Call the function at `address` with four whole numbers, and return its whole number."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         function = ir.FunctionType(_WORD, [_WORD] * 4)
@@ -105,7 +105,7 @@ def call(typing_context: Any, address: Any, one: Any, two: Any, three: Any, four
 def find_root(
     typing_context: Any, brentq: Any, function: Any, record: Any, low: Any, high: Any, absolute: Any, relative: Any
 ) -> Any:
-    """Root between `low` and `high` of a unit that takes a number and a record, by SciPy's function at `brentq`."""
+    """Return the root between `low` and `high` of a unit of a number and a record, by SciPy's function at `brentq`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         finder, _, *numbers = arguments
@@ -127,7 +127,7 @@ def find_root(
 
 @intrinsic
 def address_of(typing_context: Any, record: Any) -> Any:
-    """Address of a record."""
+    """Return the address of a record."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return arguments[0]

@@ -1,4 +1,4 @@
-"""Which constraints touch, approach or are violated, and whose neighbours are known."""
+"""Contacts that touch, approach or are violated, and the range of searched neighbours."""
 
 import math
 
@@ -18,7 +18,7 @@ _ROUNDOFF = 8 * 2.0**-52  # of the momenta of all bodies, which leaks into each 
 
 @kernel
 def find_gaps(machine: Machine, q: np.ndarray, out: np.ndarray) -> int:
-    """Values of all unilateral rows at q."""
+    """Write the values of all unilateral rows at q."""
     system, mail = machine.system, machine.mail
     if system.other_unilateral:
         code = ask(machine, UNILATERAL, q)
@@ -30,7 +30,7 @@ def find_gaps(machine: Machine, q: np.ndarray, out: np.ndarray) -> int:
 
 @kernel
 def approached(machine: Machine, q: np.ndarray) -> float:
-    """By how much two bodies may have come nearer since neighbours were searched: twice the largest displacement."""
+    """Return the largest approach of two bodies since neighbours were searched: twice the largest displacement."""
     system = machine.system
     dimension, most = system.dimension, 0.0
     for body in range(system.component.size):
@@ -44,7 +44,7 @@ def approached(machine: Machine, q: np.ndarray) -> float:
 
 @kernel
 def strayed(machine: Machine, q: np.ndarray) -> bool:
-    """Whether a body may have come to touch one that is not among its searched neighbours."""
+    """Return whether a body may touch another that is not among its searched neighbours."""
     system = machine.system
     return system.reference.size > 0 and not approached(machine, q) < 0.999 * system.reach
 
@@ -64,14 +64,14 @@ def begin(machine: Machine, known: int) -> int:
 
 @kernel
 def begin_anew(machine: Machine) -> int:
-    """Code of a step that neighbours must be searched for again; what it has cost is not counted."""
+    """Return the code of a step that needs a new search for neighbours; its cost is not counted."""
     copy_tally(machine.kept, machine.tally)
     return REFRESH
 
 
 @kernel
 def end(machine: Machine, smooth: int) -> int:
-    """Code of a step that has led to (``work.moved``, ``work.carried``); if it is taken, its contacts count."""
+    """Return the code of a step to (``work.moved``, ``work.carried``), and count its contacts if it is taken."""
     work, tally = machine.work, machine.tally
     total = 0.0
     for k in range(work.moved.size):
@@ -93,7 +93,7 @@ def copy(matrix: np.ndarray, out: np.ndarray) -> None:
 
 @kernel
 def gradients_here(machine: Machine, held: int, at: np.ndarray) -> int:
-    """Gradients, at q or its like, of what a step can meet: rows are added to this when they are chosen."""
+    """Prepare the gradients, at q or a similar point, of a step; rows are added to them when they are chosen."""
     system, work, mail = machine.system, machine.work, machine.mail
     if system.other_unilateral:
         code = ask(machine, UNILATERAL_GRADIENTS, at)
@@ -113,7 +113,7 @@ def gradients_here(machine: Machine, held: int, at: np.ndarray) -> int:
 
 @kernel
 def first_force_here(machine: Machine) -> int:
-    """Force slot at (q, q) into ``work.force``: the scale of velocities that count as zero."""
+    """Write the force slot at (q, q), the scale of velocities that count as zero, to ``work.force``."""
     system, method, work = machine.system, machine.method, machine.work
     if not (method.implicit and system.curved):
         return DONE  # it is the prediction's
@@ -125,11 +125,11 @@ def first_force_here(machine: Machine) -> int:
 
 @kernel
 def velocity_zeros(machine: Machine, momentum: np.ndarray, count: int, tolerance: float) -> None:
-    """Normal velocities below which the first `count` chosen rows do not move, into ``work.still``.
+    """Write the normal velocities below which the first `count` chosen rows count as resting to ``work.still``.
 
     ``|∇g_iᵀv| ≤ τ ‖∇g_i‖ (‖p‖ + ‖impulse of the forces in one step‖)``, norms in the metric M⁻¹ over the bodies
-    that the constraint touches, and a share of rounding of those of all bodies. For rows that do not touch τ is zero:
-    they are not in 𝕊, so that nothing else stops a slow approach that the step completes.
+    that the constraint touches, plus the rounding of the norms over all bodies. For rows that do not touch, τ is zero:
+    they are not in 𝕊, so that nothing else stops a slow approach that ends within the step.
     """
     system, method, work = machine.system, machine.method, machine.work
     table, inverse, force, dimension = system.unilateral, system.inverse, work.force, system.dimension

@@ -9,7 +9,7 @@ from deli.kernels.compiled import kernel
 
 @kernel
 def factorize(matrix: np.ndarray, size: int, factor: np.ndarray) -> bool:
-    """Lower Cholesky factor; False where the matrix is not positive definite."""
+    """Write the lower Cholesky factor; return False if the matrix is not positive definite."""
     for i in range(size):
         for j in range(i + 1):
             total = matrix[i, j]

@@ -1,4 +1,4 @@
-"""Methods that substitute the impulses of the constraints into a scheme (Appendix B), or into that of Moreau."""
+"""Methods that substitute the impulses of the constraints into a scheme (Appendix B), or into Moreau's scheme."""
 
 from numba import types
 
@@ -25,9 +25,9 @@ _FORECAST = 0.5  # of a step, after which Moreau's scheme looks for constraints 
 
 @kernel
 def _select_here(machine: Machine) -> int:
-    """Put rows that are met at q, or half a step on, into ``work.pressing``; return how many.
+    """Put rows that are met at q, or half a step later, into ``work.pressing``; return their number.
 
-    Half a step on, rows that touch and do not open are met whatever rounding makes of their gaps and velocities.
+    Half a step later, rows that touch and do not open count as met, so that rounding does not decide about them.
     """
     system, method, work = machine.system, machine.method, machine.work
     table, count, touching = system.unilateral, 0, 0
@@ -56,7 +56,7 @@ def _select_here(machine: Machine) -> int:
 
 @kernel
 def _select_violated(machine: Machine, count: int) -> tuple[int, int]:
-    """Append rows that are violated where constraints are taken to ``work.pressing``; return a code and how many."""
+    """Append rows that are violated at ``work.spot`` to ``work.pressing``; return a code and the new number."""
     system, method, work = machine.system, machine.method, machine.work
     for k in range(work.q.size):
         work.spot[k] = work.q[k] + method.place * (work.moved[k] - work.q[k])
@@ -73,7 +73,7 @@ def _select_violated(machine: Machine, count: int) -> tuple[int, int]:
 
 @kernel
 def move(machine: Machine) -> tuple[int, int]:
-    """Position update with all the constraints it meets; return a code and how many rows that took."""
+    """Update the position with all constraints that it meets; return a code and the number of their rows."""
     system, method, work = machine.system, machine.method, machine.work
     held = system.bilateral.kind.size
     if method.rows != MOVING:
@@ -105,7 +105,7 @@ def move(machine: Machine) -> tuple[int, int]:
 
 @kernel
 def _carry(machine: Machine) -> int:
-    """Momentum at x: that at q with the later weights of the force, and the gain of the constraints' impulse."""
+    """Write the momentum at x: that at q, the force with later weights, and the constraints' impulse times the gain."""
     system, method, work = machine.system, machine.method, machine.work
     h, dof, later = work.span[0], work.q.size, work.before
     for k in range(dof):
@@ -134,7 +134,7 @@ def _carry(machine: Machine) -> int:
 def substitute(machine: Machine, known: int, _one: int, _two: int) -> int:
     """Write the state one step after (``work.q``, ``work.p``), as `deli.kernels.step.step` does.
 
-    M u = p + φ(x) + N r + F s with 0 ≤ r ⊥ what the rows of the method say, and x = q + h (share u + (1 − share) M⁻¹p).
+    M u = p + φ(x) + N r + F s with 0 ≤ r ⊥ the rows of the method ≥ 0, and x = q + h (share u + (1 − share) M⁻¹p).
     """
     work, method = machine.work, machine.method
     code = begin(machine, known)

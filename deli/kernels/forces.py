@@ -14,7 +14,7 @@ SHORTEST = 1e-150  # stands in for the length of a spring whose ends coincide
 
 @kernel
 def _pair(kind: int, strength: float, length: float, square: float) -> tuple[float, float, float]:
-    """φ, φ′/r and φ″ of a pair term at r² = square."""
+    """Return φ, φ′/r and φ″ of a pair term at r² = square."""
     if kind == SPRING:
         r = math.sqrt(square)
         stretch = r - length
@@ -31,7 +31,7 @@ def _pair(kind: int, strength: float, length: float, square: float) -> tuple[flo
 
 @kernel
 def _power(square: float, half: float) -> float:
-    """Return square ** half; whole numbers by products, which are exact to fewer roundings."""
+    """Return square ** half, by products for whole powers, because products have fewer roundings."""
     count = int(half)
     if half != count or abs(count) > 8:
         return square**half
@@ -43,7 +43,7 @@ def _power(square: float, half: float) -> float:
 
 @kernel
 def table_energy(terms: Terms, q: np.ndarray) -> float:
-    """V of the terms."""
+    """Return V of the terms."""
     dimension = terms.centre.shape[1]
     total = 0.0
     for k in range(q.size):
@@ -65,7 +65,7 @@ def table_energy(terms: Terms, q: np.ndarray) -> float:
 
 @kernel
 def table_gradient(terms: Terms, q: np.ndarray, out: np.ndarray) -> None:
-    """∇V of the terms."""
+    """Write ∇V of the terms."""
     dimension = terms.centre.shape[1]
     for k in range(q.size):
         out[k] = terms.weight[k]
@@ -92,7 +92,7 @@ def table_gradient(terms: Terms, q: np.ndarray, out: np.ndarray) -> None:
 
 @kernel
 def table_hessian(terms: Terms, q: np.ndarray, out: np.ndarray) -> None:
-    """V″ of the terms."""
+    """Write V″ of the terms."""
     dimension = terms.centre.shape[1]
     for i in range(q.size):
         for j in range(q.size):
@@ -133,7 +133,7 @@ def table_hessian(terms: Terms, q: np.ndarray, out: np.ndarray) -> None:
 
 @kernel
 def ask(machine: Machine, what: int, q: np.ndarray) -> int:
-    """Have a function that is not compiled answer in `mail` for the configuration q."""
+    """Call a function that is not compiled for the configuration q; its answer is in `mail`."""
     mail, hooks = machine.mail, machine.hooks
     for k in range(q.size):
         mail.at[k] = q[k]
@@ -142,7 +142,7 @@ def ask(machine: Machine, what: int, q: np.ndarray) -> int:
 
 @kernel
 def energy(machine: Machine, q: np.ndarray) -> tuple[int, float]:
-    """V(q), after a code."""
+    """Return a code and V(q)."""
     system, mail = machine.system, machine.mail
     total = table_energy(system.terms, q)
     if not system.other_forces:
@@ -153,7 +153,7 @@ def energy(machine: Machine, q: np.ndarray) -> tuple[int, float]:
 
 @kernel
 def gradient(machine: Machine, q: np.ndarray, out: np.ndarray) -> int:
-    """∇V(q)."""
+    """Write ∇V(q); return a code."""
     system, mail = machine.system, machine.mail
     table_gradient(system.terms, q, out)
     if not system.other_forces:
@@ -166,7 +166,7 @@ def gradient(machine: Machine, q: np.ndarray, out: np.ndarray) -> int:
 
 @kernel
 def hessian(machine: Machine, q: np.ndarray) -> int:
-    """V″(q), in ``mail.hessian``."""
+    """Write V″(q) to ``mail.hessian``; return a code."""
     system, mail = machine.system, machine.mail
     if system.other_forces:  # the function answers for the whole potential
         return ask(machine, HESSIAN, q)

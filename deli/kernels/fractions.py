@@ -1,8 +1,8 @@
-"""Fractions of a step without unilateral constraints, and what is sought in them.
+"""Fractions of a step without unilateral constraints, and the functions whose roots are sought in them.
 
 A fraction begins at (``work.event``, ``work.event_momentum``), where ``work.gaps`` holds g; the step began at
 (``work.start``, ``work.start_momentum``). ``work.meeting`` holds the row whose gap is sought, whether fractions are
-composed of three steps, and the code of the function whose root is sought, which stays where that has failed once;
+composed of three steps, and the code of the function whose root is sought, which keeps its first failure;
 ``work.balance`` the rest of the step, and the discrete energies of the last fraction and of the one before the event,
 at which the momentum was ``work.incoming`` and ``work.impulse`` is the reflection's.
 """
@@ -25,7 +25,7 @@ _INNER = 1.0 - 2.0 * _OUTER
 
 @kernel
 def _move(machine: Machine) -> int:
-    """Step that meets no unilateral constraint, in position."""
+    """Take the position update of a step without unilateral constraints."""
     system, method, work = machine.system, machine.method, machine.work
     held = system.bilateral.kind.size
     code = predict(machine)
@@ -42,7 +42,7 @@ def _move(machine: Machine) -> int:
 
 @kernel
 def _stay(machine: Machine) -> None:
-    """Step of size zero."""
+    """Take a step of size zero."""
     system, work = machine.system, machine.work
     for k in range(work.q.size):
         work.velocity[k] = work.p[k] * system.inverse[k]
@@ -52,7 +52,7 @@ def _stay(machine: Machine) -> None:
 
 @kernel
 def _discrete_energy(machine: Machine) -> tuple[int, float]:
-    """E_d = −∂L_d/∂h = ½ v̄ᵀMv̄ + V, v̄ = (x − q)/h, with V at the midpoint (8.2) or the mean of both ends (8.3)."""
+    """Return a code and E_d = −∂L_d/∂h = ½ v̄ᵀMv̄ + V, v̄ = (x − q)/h, V at the midpoint (8.2) or the ends' mean (8.3)."""
     system, method, work = machine.system, machine.method, machine.work
     kinetic = 0.0
     for k in range(work.q.size):
@@ -73,7 +73,8 @@ def _discrete_energy(machine: Machine) -> tuple[int, float]:
 def take(machine: Machine, span: float, whole: bool) -> int:
     """Take a fraction of size `span`, to ``work.moved`` and, if `whole`, to ``work.carried``.
 
-    Composed of three steps of the scheme it is of fourth order; its discrete energy is −∂/∂h of the sum of theirs.
+    A fraction composed of three steps of the scheme is of fourth order; its discrete energy is −∂/∂h of the sum of the
+    three discrete Lagrangians.
     """
     method, work = machine.method, machine.work
     composed = work.meeting[1] != 0 and span != 0.0
@@ -112,7 +113,7 @@ def take(machine: Machine, span: float, whole: bool) -> int:
 
 @unit(types.float64, types.float64, MACHINE, needs=(take,))
 def gap_after(span: float, machine: Machine) -> float:
-    """The gap that is sought after a fraction of size `span`; 0, which ends a search, once one has failed."""
+    """Return the gap that is sought after a fraction of size `span`; 0, which ends a search, after a failure."""
     system, work = machine.system, machine.work
     row = work.meeting[0]
     if work.meeting[2] != DONE:
@@ -130,7 +131,7 @@ def gap_after(span: float, machine: Machine) -> float:
 
 @unit(types.float64, types.float64, MACHINE, needs=(take,))
 def energy_after(share: float, machine: Machine) -> float:
-    """Discrete energy that the rest of the step would gain with `share` of the impulse; 0 as in `gap_after`."""
+    """Return the discrete energy that the rest of the step gains with `share` of the impulse; 0 as in `gap_after`."""
     work = machine.work
     if work.meeting[2] != DONE:
         return 0.0

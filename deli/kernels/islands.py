@@ -1,4 +1,4 @@
-"""Contact islands: bodies that rows connect, directly or through others."""
+"""Contact islands: bodies that rows connect, directly or through other bodies."""
 
 import numpy as np
 from numba import types
@@ -19,7 +19,7 @@ def _root(parent: np.ndarray, body: int) -> int:
 
 @kernel
 def _gather(label: np.ndarray, islands: Islands, groups: int, rows: np.ndarray, count: int, system: System) -> None:
-    """Counting sorts of bodies and rows by label."""
+    """Sort bodies and rows by label, by counting."""
     body_start, row_start, held_start = islands.body_start, islands.row_start, islands.held_start
     first, held_first = system.unilateral.first, system.bilateral.first
     for body in range(label.size):
@@ -61,7 +61,7 @@ def _gather(label: np.ndarray, islands: Islands, groups: int, rows: np.ndarray, 
 
 @kernel
 def _connect_touched(machine: Machine, count: int) -> int:
-    """`connect` where there are only the chosen rows: its time does not grow with the bodies they do not touch."""
+    """Group bodies as `connect` does, by chosen rows alone: the time does not grow with the number of other bodies."""
     islands, rows, table = machine.islands, machine.work.pressing, machine.system.unilateral
     parent, label, touched = islands.parent, islands.label, islands.touched
     last = touched.size - 1
@@ -115,7 +115,7 @@ def _connect_touched(machine: Machine, count: int) -> int:
 
 @unit(types.int64, MACHINE, types.int64, types.boolean, types.boolean)
 def connect(machine: Machine, count: int, all_held: bool, whole: bool) -> int:
-    """Group bodies by the first `count` of ``work.pressing`` and by the bilateral constraints; return how many groups.
+    """Group bodies by the first `count` of ``work.pressing`` and by bilateral constraints; return the number of groups.
 
     Bodies that no chosen row touches are left out, and so are those on bilateral constraints alone unless
     `all_held`. With `whole`, everything is one group. Groups are numbered by their lowest body; in each, bodies,

@@ -1,4 +1,4 @@
-"""How well an iterate of a position update solves the nonlinear system, and the best one so far."""
+"""Residuals of the iterates of a position update in the nonlinear system, and the best iterate so far."""
 
 import math
 
@@ -13,9 +13,9 @@ _ROUNDING = 8 * 2.0**-52
 
 @kernel
 def judge(machine: Machine, group: int, rows: int, equalities: int) -> tuple[float, float, float, float]:
-    """Scaled residuals of (7.3, 7.4, 7.8) at x, and the one that an interior-point solver can vouch for.
+    """Return the scaled residuals of (7.3, 7.4, 7.8) at x, and the residual that an interior-point solver can reach.
 
-    Impulses are compared in the metric of the masses. The last has products λg in place of min(λ, g).
+    Impulses are compared in the metric of the masses. The last residual has products λg in place of min(λ, g).
     """
     system, work, islands, program = machine.system, machine.work, machine.islands, machine.program
     dimension, root = system.dimension, system.root
@@ -58,7 +58,7 @@ def judge(machine: Machine, group: int, rows: int, equalities: int) -> tuple[flo
 
 @kernel
 def keep(dimension: int, group: int, store: bool, work: Work, islands: Islands) -> None:
-    """Store the best iterate of one island, or bring it back."""
+    """Store the best iterate of one island, or restore it."""
     for k in range(islands.body_start[group], islands.body_start[group + 1]):
         for axis in range(dimension):
             dof = islands.bodies[k] * dimension + axis
@@ -76,7 +76,7 @@ def keep(dimension: int, group: int, store: bool, work: Work, islands: Islands) 
 
 @kernel
 def floor(machine: Machine, group: int, newton: bool) -> tuple[int, float]:
-    """What rounding of x alone leaves of the residuals, far from the origin or of a stiff force, after a code."""
+    """Return a code and the residuals that rounding of x alone causes, far from the origin or with a stiff force."""
     system, method, work, islands, mail = machine.system, machine.method, machine.work, machine.islands, machine.mail
     h, dimension, root = work.span[0], system.dimension, system.root
     reach = impulse = 0.0

@@ -1,8 +1,8 @@
-"""Contacts that land: they keep their gap for a step, and the momentum along their gradients for the next.
+"""Contacts that land: they keep their gap for a step, and their momentum along the gradients for the next step.
 
 A contact lands where a reflection off it is undone within the step: a bounce shorter than h, or a boundary that curves
 back. Its gap is held at the level it had at q, so that (7.3-7.6) moves along that level as it does along the boundary,
-and is symplectic there. What the momentum has along its gradient takes no part in this motion and waits.
+and is symplectic there. The momentum along its gradient takes no part in this motion, and is returned after it.
 """
 
 import math
@@ -28,7 +28,7 @@ def _land(machine: Machine, row: int) -> None:
 
 @kernel
 def spread_to_violated(machine: Machine) -> bool:
-    """Let what x violates join 𝔸, or land where all of it is there already; return whether anything did."""
+    """Add the rows that x violates to 𝔸, or let them land if all are in it already; return whether any row changed."""
     system, work = machine.system, machine.work
     rows, joined, landed = system.unilateral.kind.size, False, False
     for row in range(rows):
@@ -47,7 +47,7 @@ def spread_to_violated(machine: Machine) -> bool:
 
 @kernel
 def trap(machine: Machine, taken: int) -> None:
-    """Let the contacts of a reflection's last pass land instead: between them, no direction is left to bounce in."""
+    """Let the contacts of a reflection's last pass land, because there is no momentum at which all of them separate."""
     work = machine.work
     for k in range(taken):
         work.active[work.pressing[k]] = False
@@ -56,7 +56,7 @@ def trap(machine: Machine, taken: int) -> None:
 
 @kernel
 def admissible(machine: Machine) -> int:
-    """Code of a step that may violate nothing by more than the contact tolerance."""
+    """Return the code of a step that must violate no constraint by more than the contact tolerance."""
     system, method, work = machine.system, machine.method, machine.work
     if method.rows == AFFINE:
         return DONE
@@ -91,11 +91,11 @@ def _return(machine: Machine, count: int) -> None:
 
 @unit(types.int64, MACHINE, types.int64, types.int64, types.int64)
 def land(machine: Machine, smooth: int, _two: int, _three: int) -> int:
-    """Momentum at x where contacts land; on entry it is that of `carry`, tangent to 𝕊 and the bilateral constraints.
+    """Write the momentum at x if contacts land; on entry it is that of `carry`, tangent to 𝕊 and bilateral constraints.
 
-    ``p⁺ = p_t + n`` at q and ``y = y_t + a n′`` at x, where p_t and y_t are tangent to the landed contacts too, n′ is
-    what n, brought to x, has in the span of the gradients there, and a >= 0 conserves energy: ``|a n′| = |n|`` in the
-    metric M⁻¹, island by island; or E(x, y) = E(q, p) for another energy than H, see `deli.kernels.balance`.
+    ``p⁺ = p_t + n`` at q and ``y = y_t + a n′`` at x, where p_t and y_t are tangent to the landed contacts too. The
+    part of n, carried to x, in the span of the gradients there is n′, and a >= 0 conserves energy: ``|a n′| = |n|`` in
+    the metric M⁻¹, island by island; or E(x, y) = E(q, p) for another energy than H, see `deli.kernels.balance`.
     """
     system, method, work = machine.system, machine.method, machine.work
     dof, tangential, latent = work.q.size, work.best, work.latent

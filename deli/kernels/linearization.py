@@ -13,7 +13,7 @@ from deli.kernels.solve import along, gather_rows
 
 @kernel
 def first_force(machine: Machine, q: np.ndarray, x: np.ndarray, out: np.ndarray) -> int:
-    """Force of the position update: of (8.2) that at the midpoint, of (8.3) that at q."""
+    """Write the force of the position update: that at the midpoint for (8.2), that at q for (8.3)."""
     method, work = machine.method, machine.work
     at, weight = q, method.start
     if method.middle != 0.0:
@@ -34,7 +34,7 @@ def first_force(machine: Machine, q: np.ndarray, x: np.ndarray, out: np.ndarray)
 
 @kernel
 def reached(machine: Machine, dof: int) -> float:
-    """One component of x."""
+    """Return one component of x."""
     system, method, work = machine.system, machine.method, machine.work
     velocity = work.velocity[dof]
     if method.share != 1.0:
@@ -44,7 +44,7 @@ def reached(machine: Machine, dof: int) -> float:
 
 @kernel
 def evaluate(machine: Machine, group: int, whole: bool) -> int:
-    """Force where it depends on x, g_𝕊 above its level and f of one island; rows that follow it are gathered anew."""
+    """Write the force if it depends on x, and g_𝕊 above its level and f of one island; gather moving rows anew."""
     system, method, work, islands, mail = (
         machine.system,
         machine.method,
@@ -98,7 +98,7 @@ def evaluate(machine: Machine, group: int, whole: bool) -> int:
 
 @kernel
 def evaluate_affine(machine: Machine, group: int, equalities: int, rows: int) -> None:
-    """Values at z of rows that are affine."""
+    """Write the values at z of affine rows."""
     work, islands, program = machine.work, machine.islands, machine.program
     h = work.span[0]
     for k in range(rows):
@@ -113,7 +113,7 @@ def evaluate_affine(machine: Machine, group: int, equalities: int, rows: int) ->
 
 @kernel
 def bounds(machine: Machine, group: int, equalities: int, rows: int) -> None:
-    """Right-hand sides of the linearization about the iterate, whose √M u is in z."""
+    """Write the right-hand sides of the linearization about the iterate, whose √M u is in z."""
     method, work, islands, program = machine.method, machine.work, machine.islands, machine.program
     h = work.span[0]
     for k in range(rows):

@@ -1,4 +1,4 @@
-"""All that the kernels of one scene and method share, and their ways back to Python."""
+"""The records that the kernels of one scene and method share, and their calls back to Python."""
 
 from typing import NamedTuple
 
@@ -10,12 +10,12 @@ from deli.kernels.work import Islands, Tally, Work
 
 
 class Hooks(NamedTuple):
-    """Addresses of functions that are not compiled, 0 where there is none.
+    """Addresses of functions that kernels call, 0 for none.
 
     Attributes
     ----------
     evaluate : int
-        ``evaluate(what, 0, 0, 0)`` answers in `Mail`; what it returns is nonzero if the user's function raised.
+        ``evaluate(what, 0, 0, 0)`` answers in `Mail`; its result is nonzero if the user's function raised.
     solve : int
         ``solve(subproblem, size, equalities, rows)`` solves the program in `Program`.
     clock : int
@@ -31,8 +31,8 @@ class Hooks(NamedTuple):
     root : int
         ``brentq`` of SciPy, for methods that find roots.
     posed, solved : int
-        Whoever watches what is solved: ``posed(subproblem, size, equalities, rows)`` is called when a solver is about
-        to get the program in `Program`, ``solved(code, size, equalities, rows)`` when its answer is there, or none is.
+        Observers of the solves: ``posed(subproblem, size, equalities, rows)`` is called before a solver gets the
+        program in `Program`, and ``solved(code, size, equalities, rows)`` after it, with or without an answer.
     """
 
     evaluate: int
@@ -48,7 +48,7 @@ class Hooks(NamedTuple):
 
 
 class Mail(NamedTuple):
-    """What user functions read and write.
+    """The arrays that users' functions read and write.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Mail(NamedTuple):
 
 
 class Machine(NamedTuple):
-    """All that the kernels of one scene and method share; `kept` is the tally before a step that may be tried again."""
+    """The records that the kernels of one scene and method share; `kept` is the tally before a step."""
 
     system: System
     method: Method

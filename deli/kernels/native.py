@@ -1,4 +1,4 @@
-"""The compiled solver, on the program at hand."""
+"""The compiled solver for the program at hand."""
 
 import math
 
@@ -63,9 +63,9 @@ def _project_onto(
     rows: int,
     newton: bool,
 ) -> float:
-    """Solve the program at hand as equations; return the residual, nan where that is not its answer.
+    """Solve the program at hand as equations; return the residual, nan if these do not give its answer.
 
-    Rows that stay the same, as in the iterations of a position update, are factorized once.
+    Unchanged rows, as in the iterations of a position update, are factorized once.
     """
     bounds, wish = program.bounds[:rows], program.wish[:size]
     if rows == 1:

@@ -20,7 +20,7 @@ _NEW = 2  # its column of ã⁺
 
 @kernel
 def _predict(machine: Machine) -> int:
-    """Position x̃ of the smooth motion: an unconstrained step, with what a and ã add to the momentum."""
+    """Write the position x̃ of the smooth motion: an unconstrained step, with a and ã added to the momentum."""
     system, method, work = machine.system, machine.method, machine.work
     h, weights = work.span[0], method.recurrence
     for k in range(work.q.size):
@@ -36,7 +36,7 @@ def _predict(machine: Machine) -> int:
 
 @kernel
 def _closed(machine: Machine, count: int) -> int:
-    """Put contacts that x closes into ``work.pressing``, which held the `count` rows of the update; return how many."""
+    """Put contacts closed at x into ``work.pressing``, which held `count` rows of the update; return their number."""
     system, method, work = machine.system, machine.method, machine.work
     closed = 0
     for row in range(system.unilateral.kind.size):
@@ -49,7 +49,7 @@ def _closed(machine: Machine, count: int) -> int:
 
 @kernel
 def _turn_to_x(machine: Machine, closed: int) -> int:
-    """Normal velocities at q of closed contacts into ``work.approach``, then the gradients at x of all rows."""
+    """Write the normal velocities at q of closed contacts to ``work.approach``, then the gradients of all rows at x."""
     system, work = machine.system, machine.work
     table = system.unilateral
     if closed:
@@ -104,7 +104,7 @@ def _project(machine: Machine, count: int) -> int:
 
 @kernel
 def _carry(machine: Machine, closed: int) -> int:
-    """Momentum at x, and what the next step remembers of the smooth motion: a⁺ and ã⁺."""
+    """Write the momentum at x, and the memory of the smooth motion for the next step, a⁺ and ã⁺."""
     system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
     h, weights, memory, remembered = work.span[0], method.recurrence, work.memory, work.remembered
     held = system.bilateral.kind.size
@@ -140,7 +140,7 @@ def _carry(machine: Machine, closed: int) -> int:
 def advance_and_jump(machine: Machine, known: int, _one: int, _two: int) -> int:
     """Write the state one step after (``work.q``, ``work.p``, ``work.memory``), as `deli.kernels.step.step` does.
 
-    What the step after it remembers goes to ``work.remembered``.
+    The memory for the step after it goes to ``work.remembered``.
     """
     work = machine.work
     code = begin(machine, known)

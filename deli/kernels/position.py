@@ -25,10 +25,10 @@ _PATIENCE = 3  # iterations without progress after which the floor is reached
 
 @kernel
 def _metric(machine: Machine) -> int:
-    """Newton's metric A = M + K and ŵ = p + φ + K u, over √M, with K = (h²/4)V″ for (8.2); z holds √M u.
+    """Write Newton's metric A = M + K and ŵ = p + φ + K u, over √M, with K = (h²/4)V″ for (8.2); z holds √M u.
 
-    Where A is not positive definite the hessian's most negative eigenvalues are raised in both: the fixed point is
-    the same.
+    If A is not positive definite, the hessian's most negative eigenvalues are raised in both, which does not change
+    the fixed point.
     """
     system, method, work, program, mail = machine.system, machine.method, machine.work, machine.program, machine.mail
     size, root = system.mass.size, system.root
@@ -61,7 +61,7 @@ def _metric(machine: Machine) -> int:
 
 @unit(types.int64, MACHINE, types.int64, types.boolean, types.boolean)
 def _iterate(machine: Machine, group: int, whole: bool, free: bool) -> int:
-    """Iterate the linearizations of one island until the nonlinear system holds; keep the best."""
+    """Iterate the linearizations of one island until the nonlinear system holds; keep the best iterate."""
     system, method, work, islands, program, tally = (
         machine.system,
         machine.method,
@@ -151,7 +151,7 @@ def _iterate(machine: Machine, group: int, whole: bool, free: bool) -> int:
 
 @unit(types.int64, MACHINE)
 def predict(machine: Machine) -> int:
-    """Unconstrained step (8.1) into ``work.velocity``, ``work.moved`` and ``work.force``."""
+    """Write the unconstrained step (8.1) to ``work.velocity``, ``work.moved`` and ``work.force``."""
     system, work, islands = machine.system, machine.work, machine.islands
     h = work.span[0]
     for k in range(work.q.size):
@@ -174,10 +174,10 @@ def predict(machine: Machine) -> int:
 
 @unit(types.int64, MACHINE, types.int64)
 def update(machine: Machine, count: int) -> int:
-    """Move from ``work.q`` with ``work.momentum``, the first `count` rows of ``work.pressing`` pressing.
+    """Move from ``work.q`` with ``work.momentum`` and the first `count` rows of ``work.pressing``.
 
-    On entry ``work.velocity`` is where the iteration starts and ``work.force`` the force where it does not depend on
-    x. On return ``work.velocity``, ``work.moved`` and ``work.force`` are those of the update, and ``work.pressed`` and
+    On entry ``work.velocity`` is the start of the iteration, and ``work.force`` the force unless it depends on x. On
+    return ``work.velocity``, ``work.moved`` and ``work.force`` are those of the update, and ``work.pressed`` and
     ``work.scaled`` hold λ_i|∇g_i| and g_i(x), scaled, by number of the unilateral row.
     """
     system, method, work, tally = machine.system, machine.method, machine.work, machine.tally

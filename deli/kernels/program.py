@@ -1,4 +1,4 @@
-"""The metric projection that a subproblem poses, and its rows by themselves."""
+"""The metric projection of a subproblem, and its rows by themselves."""
 
 from typing import NamedTuple
 
@@ -16,21 +16,21 @@ class Program(NamedTuple):
     start, column, value : arrays
         R by compressed rows.
     bounds, lengths : (rows,) arrays
-        b, and the lengths that the rows had.
+        b, and the original lengths of the rows.
     wish, z : (dof,) arrays
     y : (rows,) array
     metric, factor : (dof, dof) arrays
-        A where it is not the identity, and its Cholesky factor; empty where the scene needs none.
+        A unless it is the identity, and its Cholesky factor; empty if the scene needs none.
     white_start, white_column, white_value : arrays
-        R in coordinates in which A is the identity; empty likewise.
+        R in coordinates in which A is the identity; empty if the scene needs none.
     gram, begins : (k (k + 1) / 2,), (k,) arrays
         Cholesky factor of R Rᵀ of up to k rows, as `solvers.native_equations.factorize` writes it.
     factored : (1,) int64 array
-        How many rows that factor is of; 0 where rows have been written since.
+        Number of rows of that factor; 0 if rows have been written since.
     right, pull : (k,), (dof,) arrays
-        Scratch.
+        Working arrays.
     report : (4,) array
-        What the last native solve took: iterations, primal, dual and complementarity residual.
+        Iterations, and primal, dual and complementarity residual, of the last native solve.
     """
 
     start: Numbers

@@ -73,7 +73,7 @@ def tangent(machine: Machine, count: int, there: bool) -> int:
 
 @kernel
 def presses(machine: Machine, row: int) -> bool:
-    """Whether a row of the position update is still active at x."""
+    """Return whether a row of the position update is still active at x."""
     work = machine.work
     opened = work.pressed[row] < work.scaled[row]
     return not opened and abs(work.scaled[row]) <= machine.method.contact_tolerance
@@ -81,7 +81,7 @@ def presses(machine: Machine, row: int) -> bool:
 
 @kernel
 def list_smooth(machine: Machine, smooth: int) -> int:
-    """Put the rows of 𝕊 that are still active at x to the front of ``work.pressing``; return how many."""
+    """Put the rows of 𝕊 that are still active at x to the front of ``work.pressing``; return their number."""
     work, count = machine.work, 0
     for k in range(smooth):
         if presses(machine, work.smooth[k]):
@@ -92,7 +92,7 @@ def list_smooth(machine: Machine, smooth: int) -> int:
 
 @kernel
 def carry(machine: Machine, smooth: int) -> int:
-    """Momentum at x: D₂L_d(q, x) without what the constraints that stay active do not allow."""
+    """Write the momentum at x: D₂L_d(q, x), projected onto the tangent space of the constraints that stay active."""
     system, method, work, mail, tally = machine.system, machine.method, machine.work, machine.mail, machine.tally
     dof, moved, held = system.mass.size, work.moved, system.bilateral.kind.size
     force, there = work.force, moved

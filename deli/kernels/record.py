@@ -1,7 +1,7 @@
 """Records of arrays and numbers that compiled functions take as one pointer.
 
-A named tuple of arrays would be passed to every function by value, all its arrays spelled out, and a scene has a
-hundred: compiling that takes minutes.
+A named tuple would be passed to every function by value, with all its arrays, of which a scene has a hundred: its
+compilation would take minutes.
 """
 
 import typing
@@ -31,7 +31,7 @@ _WORDS = {types.float64: np.float64, types.int64: np.int64, types.boolean: np.in
 
 
 class RecordType(types.Type):
-    """Compile-time type of a `Record`: the types of its fields, and where in its block of words each begins.
+    """Compile-time type of a `Record`: the types of its fields, and their places in its block of words.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def _array(hint: Any) -> types.Array:
 class Record:
     """The fields of a named tuple, nested ones included, laid out for kernels; keeps them alive.
 
-    Arrays are shared, not copied, and must be C-contiguous. Which arrays they are is fixed when the record is made.
+    Arrays are shared, not copied, and must be C-contiguous. A record refers to the same arrays for all its life.
 
     Parameters
     ----------
@@ -107,25 +107,25 @@ class Record:
         self.fields = fields
 
     def point(self, name: str, address: int) -> None:
-        """Put the record at `address` in the place of a nested one; the caller keeps it alive."""
+        """Replace a nested record by the record at `address`, which the caller keeps alive."""
         self._block[self.kind.layout[name][0]] = address
 
 
 class Records:
-    """Many records of one kind, as views of arrays that have the record's number as their first axis.
+    """Many records of one kind, as views of arrays whose first axis is the record's number.
 
     Parameters
     ----------
     kind : RecordType
     fields : NamedTuple
-        As for `Record`, each field with one more axis in front, of length `count`, or 1 where all share the value;
-        numbers may be plain ones.
+        As for `Record`, each field with one more axis in front, of length `count`, or 1 if all records share the value;
+        numbers may be plain numbers.
     count : int
 
     Attributes
     ----------
     addresses : list of int
-        Where each record begins.
+        Address of each record.
     """
 
     def __init__(self, kind: RecordType, fields: Any, count: int) -> None:

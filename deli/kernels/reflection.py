@@ -22,7 +22,7 @@ _SMALL = 1000  # degrees of freedom up to which every pass is compared with the 
 
 @kernel
 def _pass(machine: Machine, taken: int) -> tuple[int, int]:
-    """Reflect off the first `taken` rows of ``work.pressing``, island by island; return a code and how many."""
+    """Reflect off the first `taken` rows of ``work.pressing``, island by island; return a code and their number."""
     system, method, tally = machine.system, machine.method, machine.tally
     numerical, shadow = method.numerical and system.curved, method.shadow.size > 0
     other = numerical or shadow
@@ -63,10 +63,10 @@ def _list_joints(machine: Machine, count: int) -> None:
 
 @kernel
 def _approaching(machine: Machine, groups: int, passes: int) -> int:
-    """Put the rows that approach since the last pass, in order, into ``work.pressing``; return how many.
+    """Put the rows that approach since the last pass, in order, into ``work.pressing``; return their number.
 
-    Where every approaching row was reflected, these are on bodies that the last pass has turned. Places in
-    ``work.chosen`` that have been looked at carry the number of the pass in ``work.smooth``.
+    If every approaching row was reflected, these rows are on bodies that the last pass has turned. ``work.smooth``
+    holds the number of the pass for the places in ``work.chosen`` that have been examined.
     """
     system, work, islands = machine.system, machine.work, machine.islands
     start, found = islands.joint_start, work.pressing
@@ -93,7 +93,7 @@ def _approaching(machine: Machine, groups: int, passes: int) -> int:
 
 @kernel
 def _changed(momentum: np.ndarray, before: np.ndarray) -> bool:
-    """Whether a pass has done anything but let contacts go."""
+    """Return whether a pass has changed the momentum."""
     changed = False
     for k in range(momentum.size):
         changed = changed or momentum[k] != before[k]
@@ -102,7 +102,7 @@ def _changed(momentum: np.ndarray, before: np.ndarray) -> bool:
 
 @kernel
 def _rattle(mass: np.ndarray) -> float:
-    """N equal balls in a row need fewer than n² passes; a light one rattles as often as the root of the ratio."""
+    """Return a factor on n² passes, enough for n equal balls in a row: light balls rattle √(mass ratio) times."""
     least = most = mass[0]
     for k in range(mass.size):
         least, most = min(least, mass[k]), max(most, mass[k])
@@ -111,7 +111,7 @@ def _rattle(mass: np.ndarray) -> float:
 
 @kernel
 def _fastest(machine: Machine, count: int) -> int:
-    """Place of the row with the largest approach speed ``−∇gᵀv / ‖∇g‖_{M⁻¹}``; of equal ones, the first."""
+    """Return the place of the row with the largest approach speed ``−∇gᵀv / ‖∇g‖_{M⁻¹}``; of equal ones, the first."""
     system, work = machine.system, machine.work
     largest, place = 0.0, -1
     for k in range(count):
@@ -126,9 +126,10 @@ def _fastest(machine: Machine, count: int) -> int:
 
 @kernel
 def _select(machine: Machine, count: int, last: int) -> tuple[int, int, int]:
-    """Look at all chosen rows, and put those to reflect off into ``work.pressing``.
+    """Examine all chosen rows, and put the rows to reflect off into ``work.pressing``.
 
-    Returns how many approach, the place of the one that the sequential operator takes, and how many are taken.
+    Returns the number of approaching rows, the place of the row that the sequential operator takes, and the number of
+    taken rows.
     """
     system, method, work = machine.system, machine.method, machine.work
     chosen, approach, still, selected = work.chosen, work.approach, work.still, work.pressing
@@ -161,9 +162,9 @@ def _select(machine: Machine, count: int, last: int) -> tuple[int, int, int]:
 def reflect(machine: Machine, count: int) -> int:
     """Turn ``work.momentum`` until none of the first `count` rows of ``work.chosen`` approaches.
 
-    Each pass selects rows, reflects off them together, and looks again: ``generalized`` selects the approaching
-    contacts, ``moreau`` all that do not separate, ``sequential`` one: the next approaching one in index order, or the
-    fastest. Where that does not end, the rows of the last pass are the first ``work.report[4]`` of ``work.pressing``.
+    Each pass selects rows and reflects off them together: ``generalized`` selects the approaching contacts, ``moreau``
+    all contacts that do not separate, and ``sequential`` one contact, the next approaching one in index order or the
+    fastest. If the passes do not end, the rows of the last pass are the first ``work.report[4]`` of ``work.pressing``.
     """
     system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
     momentum, dof = work.momentum, system.mass.size

@@ -10,7 +10,7 @@ from deli.mechanics.tables import OTHER, PAIR, PLANE, Rows
 
 @inner_kernel
 def separation(rows: Rows, row: int, q: np.ndarray, axis: int) -> float:
-    """One component of x, see `Rows`."""
+    """Return one component of x, see `Rows`."""
     dimension = rows.vector.shape[1]
     here = q[rows.first[row] * dimension + axis]
     if rows.kind[row] != PAIR:
@@ -24,7 +24,7 @@ def separation(rows: Rows, row: int, q: np.ndarray, axis: int) -> float:
 
 @inner_kernel
 def value(rows: Rows, row: int, q: np.ndarray, others: np.ndarray) -> float:
-    """Value of a row at q, given the values of those that are functions of the user's."""
+    """Return the value of a row at q, given the values of rows that are users' functions."""
     kind = rows.kind[row]
     if kind == OTHER:
         return others[rows.first[row]]
@@ -43,14 +43,14 @@ def value(rows: Rows, row: int, q: np.ndarray, others: np.ndarray) -> float:
 
 @kernel
 def values(rows: Rows, q: np.ndarray, others: np.ndarray, out: np.ndarray) -> None:
-    """Values of all rows."""
+    """Write the values of all rows."""
     for row in range(rows.kind.size):
         out[row] = value(rows, row, q, others)
 
 
 @kernel
 def normal(rows: Rows, row: int, q: np.ndarray, normals: np.ndarray) -> None:
-    """Write the row's gradient at its first body to `normals`; at the second it is the opposite."""
+    """Write the row's gradient at its first body to `normals`; the gradient at its second body is the opposite."""
     kind = rows.kind[row]
     dimension = rows.vector.shape[1]
     if kind == OTHER:
@@ -71,7 +71,7 @@ def normal(rows: Rows, row: int, q: np.ndarray, normals: np.ndarray) -> None:
 
 @kernel
 def rate(rows: Rows, row: int, normals: np.ndarray, gradients: np.ndarray, p: np.ndarray, inverse: np.ndarray) -> float:
-    """The row's gradient times M⁻¹p."""
+    """Return the row's gradient times M⁻¹p."""
     total = 0.0
     if rows.kind[row] == OTHER:
         gradient = rows.first[row]
@@ -91,7 +91,7 @@ def rate(rows: Rows, row: int, normals: np.ndarray, gradients: np.ndarray, p: np
 
 @kernel
 def weight(rows: Rows, row: int, normals: np.ndarray, gradients: np.ndarray, inverse: np.ndarray) -> float:
-    """The square of the row's gradient in the metric M⁻¹."""
+    """Return the square of the row's gradient in the metric M⁻¹."""
     total = 0.0
     if rows.kind[row] == OTHER:
         gradient = rows.first[row]

@@ -21,7 +21,7 @@ _SLIGHT = 1e-12  # share of the energy below which that of an impulse is lost in
 
 @kernel
 def shadow(machine: Machine, momentum: np.ndarray, resting: np.ndarray) -> tuple[int, float]:
-    """Shadow energy of (``work.q``, `momentum`), after a code; see `deli.metrics.shadow_energy`.
+    """Return a code and the shadow energy of (``work.q``, `momentum`); see `deli.metrics.shadow_energy`.
 
     ``method.shadow`` holds B_jk = ½ ∫₋₁¹ ℓ_j ℓ_k′ dt of the polynomials ℓ of the nodes −m, …, m.
     """
@@ -65,7 +65,7 @@ def shadow(machine: Machine, momentum: np.ndarray, resting: np.ndarray) -> tuple
 
 @kernel
 def _resting(machine: Machine, momentum: np.ndarray) -> np.ndarray:
-    """Rows that touch at q and do not move, ``work.still`` being known."""
+    """Return the rows that touch at q and do not move, given ``work.still``."""
     system, work, table = machine.system, machine.work, machine.system.unilateral
     count = 0
     found = np.empty(table.kind.size, np.int64)
@@ -80,7 +80,7 @@ def _resting(machine: Machine, momentum: np.ndarray) -> np.ndarray:
 
 @unit(types.int64, MACHINE)
 def measure_shadow(machine: Machine) -> int:
-    """Write the shadow energy of (``work.q``, ``work.p``) to ``work.report[0]``; contacts that rest are held."""
+    """Write the shadow energy of (``work.q``, ``work.p``) to ``work.report[0]``; resting contacts hold."""
     system, method, work = machine.system, machine.method, machine.work
     code = find_gaps(machine, work.q, work.gaps)
     if code != DONE:
@@ -108,10 +108,11 @@ def measure_shadow(machine: Machine) -> int:
 
 @unit(types.int64, MACHINE, types.int64, types.int64, types.int64)
 def turn_shadow(machine: Machine, group: int, _two: int, _three: int) -> int:
-    """Add to the momentum a multiple of one island's impulse for H, so that the shadow energy stays what it was.
+    """Add a multiple of one island's impulse for H to the momentum, such that the shadow energy is conserved.
 
-    Of E(p + sJ) = E(p), s ≠ 0, the function (E(p + sJ) − E(p))/s is nearly linear. With s ≤ 0 the contacts recede in
-    the velocity ∂E/∂p of the shadow flow, and are let go, as are those that approach after an impulse with s < ½.
+    To solve E(p + sJ) = E(p) for s ≠ 0, a root of (E(p + sJ) − E(p))/s is sought, which is nearly linear. With s ≤ 0
+    the contacts recede in the velocity ∂E/∂p of the shadow flow, and are not reflected; neither are contacts that
+    approach after an impulse with s < ½.
     """
     system, work, islands = machine.system, machine.work, machine.islands
     momentum, dof = work.momentum, system.mass.size

@@ -1,4 +1,4 @@
-"""One smooth step of a scheme, on which given contacts and the bilateral constraints hold."""
+"""One smooth step of a scheme, in which given contacts and the bilateral constraints hold."""
 
 import math
 
@@ -19,7 +19,7 @@ _RIDGE = 1e-13  # relative, so that rows which depend on each other have a facto
 
 @kernel
 def gradients_of(machine: Machine, resting: np.ndarray, q: np.ndarray, out: np.ndarray) -> int:
-    """Gradients at q of resting and bilateral rows, one a row."""
+    """Write the gradients at q of resting and bilateral rows, one a row."""
     system, work, mail = machine.system, machine.work, machine.mail
     count, held = resting.size, system.bilateral.kind.size
     if count and system.other_unilateral:
@@ -44,7 +44,7 @@ def gradients_of(machine: Machine, resting: np.ndarray, q: np.ndarray, out: np.n
 
 @kernel
 def _values(machine: Machine, resting: np.ndarray, q: np.ndarray, out: np.ndarray) -> int:
-    """Values at q of resting and bilateral rows."""
+    """Write the values at q of resting and bilateral rows."""
     system, mail = machine.system, machine.mail
     count, held = resting.size, system.bilateral.kind.size
     if count and system.other_unilateral:
@@ -64,7 +64,7 @@ def _values(machine: Machine, resting: np.ndarray, q: np.ndarray, out: np.ndarra
 
 @kernel
 def _factor(rows: np.ndarray, inverse: np.ndarray, matrix: np.ndarray, factor: np.ndarray) -> bool:
-    """Factor of the rows' Delassus matrix NᵀM⁻¹N."""
+    """Write the factor of the rows' Delassus matrix NᵀM⁻¹N; return whether there is one."""
     size = rows.shape[0]
     for i in range(size):
         for j in range(i + 1):
@@ -87,9 +87,9 @@ def smooth_step(
     y: np.ndarray,
     there: np.ndarray,
 ) -> tuple[int, float]:
-    """One smooth step (q, p) → (x, y) on which `resting` and bilateral rows hold; return a code and its action L_d.
+    """Take a smooth step (q, p) → (x, y) in which `resting` and bilateral rows hold; return a code and its action L_d.
 
-    `rows` holds their gradients at q, `there` is for those at x.
+    `rows` holds their gradients at q, and `there` receives those at x.
     """
     system, method = machine.system, machine.method
     h, dof, size, inverse = machine.work.span[0], q.size, rows.shape[0], system.inverse

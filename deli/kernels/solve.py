@@ -1,4 +1,4 @@
-"""Assemble and solve the metric projection of one island: natively, or by the solver behind `Hooks.solve`."""
+"""Assembly and solution of the metric projection of one island, natively or by the solver of `Hooks.solve`."""
 
 import math
 
@@ -29,7 +29,7 @@ def append(
     place: np.ndarray,
     root: np.ndarray,
 ) -> None:
-    """Append a row of unit length as number `count`; `place` maps bodies to those of the island."""
+    """Append a row of unit length as number `count`; `place` maps bodies to their numbers in the island."""
     at = program.start[count]
     begin = at
     program.factored[0] = 0
@@ -61,7 +61,7 @@ def append(
 
 @kernel
 def gather_rows(machine: Machine, group: int) -> tuple[int, int]:
-    """Write the rows of one island at q, bilateral ones first; return how many of them are, and how many in all."""
+    """Write the rows of one island at q, bilateral rows first; return the number of bilateral rows and of all rows."""
     system, work, islands, program = machine.system, machine.work, machine.islands, machine.program
     count = 0
     program.start[0] = 0
@@ -83,7 +83,7 @@ def gather_rows(machine: Machine, group: int) -> tuple[int, int]:
 
 @kernel
 def along(program: Program, row: int, z: np.ndarray) -> float:
-    """R z for one row."""
+    """Return R z of one row."""
     total = 0.0
     for k in range(program.start[row], program.start[row + 1]):
         total += program.value[k] * z[program.column[k]]
@@ -94,7 +94,7 @@ def along(program: Program, row: int, z: np.ndarray) -> float:
 def _solve_native(
     machine: Machine, subproblem: int, size: int, equalities: int, rows: int, newton: bool, linear: bool
 ) -> bool:
-    """Solve the program at hand by compiled code; say whether the answer is good."""
+    """Solve the program at hand by compiled code; return whether the answer is good."""
     method, program, hooks, tally = machine.method, machine.program, machine.hooks, machine.tally
     wish, z, y = program.wish, program.z, program.y
     if not newton and equalities == rows and _satisfied(program, rows):
@@ -128,7 +128,7 @@ def _solve_native(
 
 @kernel
 def _pressing(program: Program, equalities: int, rows: int) -> int:
-    """Rows that the unconstrained point does not meet: about as many as will press."""
+    """Return the number of rows that the unconstrained point violates, an estimate of the size of the active set."""
     count = equalities
     for row in range(equalities, rows):
         if along(program, row, program.wish) < program.bounds[row]:
@@ -146,7 +146,7 @@ def _satisfied(program: Program, rows: int) -> bool:
 
 @unit(types.int64, MACHINE, *(types.int64,) * 4, types.boolean, types.boolean)
 def solve(machine: Machine, subproblem: int, size: int, equalities: int, rows: int, newton: bool, linear: bool) -> int:
-    """Solve the program at hand; `linear` says that it counts as a linear solve and not as a solver's.
+    """Solve the program at hand; `linear` says that it counts as a linear solve, and not as a solve of a solver.
 
     On entry `wish` and `bounds` are in units of √M v; they are scaled to order one. On return `z` and `y` are in the
     same units.
@@ -184,7 +184,7 @@ def solve(machine: Machine, subproblem: int, size: int, equalities: int, rows: i
 
 @kernel
 def _extends(basis: np.ndarray, ranked: int, row: np.ndarray) -> bool:
-    """Make the row the next of an orthonormal basis, unless it lies in the span of the first `ranked`."""
+    """Make the row the next of an orthonormal basis; return False if it lies in the span of the first `ranked` rows."""
     size = row.size
     candidate = basis[ranked]
     for k in range(size):
@@ -209,7 +209,7 @@ def _extends(basis: np.ndarray, ranked: int, row: np.ndarray) -> bool:
 
 @unit(types.int64, PROGRAM, EXPORT, types.int64, types.int64, types.int64)
 def export(program: Program, out: Export, equalities: int, rows: int, size: int) -> int:
-    """Write the rows to `out`, without equality rows that depend on those before them; return how many of these stay.
+    """Write the rows to `out`, without equality rows that depend on earlier ones; return how many equality rows remain.
 
     Dependence is judged on rows of unit length.
     """

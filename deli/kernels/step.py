@@ -35,7 +35,7 @@ from deli.kernels.tally import skip
 
 @kernel
 def _tangents(machine: Machine, pressing: int) -> int:
-    """Values at q of the tangents, at the prediction, of the rows of a position update."""
+    """Write the values at q of the tangents, at the prediction, of the rows of a position update."""
     system, work, mail = machine.system, machine.work, machine.mail
     at, scaled = work.predicted, work.stress
     for k in range(at.size):
@@ -63,7 +63,7 @@ def _tangents(machine: Machine, pressing: int) -> int:
 def _attempt(machine: Machine, active: int) -> tuple[int, int]:
     """Reflect off 𝔸, find 𝕊, update the position; return a code and the size of 𝕊.
 
-    𝕊 is at the front of ``work.smooth``; what presses besides, because it lands, follows it in ``work.pressing``.
+    𝕊 is at the front of ``work.smooth``; rows that land follow it in ``work.pressing``.
     """
     system, method, work, tally = machine.system, machine.method, machine.work, machine.tally
     table, dof = system.unilateral, work.q.size
@@ -146,7 +146,7 @@ def _attempt(machine: Machine, active: int) -> tuple[int, int]:
 def step(machine: Machine, known: int, _one: int, _two: int) -> int:
     """Write the state one step after (``work.q``, ``work.p``) to ``work.moved`` and ``work.carried``.
 
-    `known` says that ``work.gaps`` holds g(q) already; on return ``work.gaps_moved`` holds g(x).
+    `known` says that ``work.gaps`` holds g(q) on entry; on return ``work.gaps_moved`` holds g(x).
     """
     system, method, work = machine.system, machine.method, machine.work
     table, dof = system.unilateral, work.q.size

@@ -1,4 +1,4 @@
-"""What stays the same from step to step: the scene and the method."""
+"""The records that stay the same from step to step: the scene and the method."""
 
 from typing import NamedTuple
 
@@ -19,23 +19,23 @@ class System(NamedTuple):
         The size of a gap or equality that counts as one.
     terms : Terms
     component : (bodies,) int64 array
-        Lowest body of those that bilateral constraints join to each.
+        Lowest of the bodies that bilateral constraints join to each body.
     length : float
         The scene's length scale.
     constant : bool
         Whether the force of the first slot does not depend on x.
     newton : bool
-        Whether that force has a known derivative, so that Newton's metric pays.
+        Whether that force has a known derivative, so that Newton's metric is used.
     curved : bool
         Whether the potential has a hessian other than zero.
     coupled : bool
-        Whether the bodies of a step cannot be told apart into islands.
+        Whether the bodies of a step cannot be separated into islands.
     other_forces : bool
-        Whether functions of the user's contribute to the potential.
+        Whether users' functions contribute to the potential.
     other_unilateral, other_bilateral : int
-        Rows that are functions of the user's.
+        Number of rows that are users' functions.
     reference : (dof,) array
-        Where the neighbours in `unilateral` were searched; empty if they were not.
+        Configuration at which the neighbours in `unilateral` were searched; empty without a search.
     reach : float
         Gap up to which pairs were searched.
     """
@@ -70,26 +70,26 @@ class Method(NamedTuple):
     start, middle, end : float
         Weights of the force in the position update, φ = −h (start ∇V(q) + middle ∇V((q + x)/2) + end ∇V(x)).
     later_start, later_middle, later_end : float
-        The same for the momentum at x, of methods that do not reflect.
+        Weights of the force in the momentum at x, of methods without reflections.
     gain : float
-        Of the impulse of the constraints in that momentum.
+        Factor of the impulse of the constraints in that momentum.
     share : float
-        x = q + h (share u + (1 − share) M⁻¹p), with u what the position update solves for.
+        x = q + h (share u + (1 − share) M⁻¹p), where u is the unknown of the position update.
     place : float
         Constraints of a position update are taken at q + place (x − q).
     rows : int
-        What the rows of a position update are.
+        Kind of the rows of a position update, see `deli.kernels.codes`.
     recurrence : (3, 3) array
-        What the two rows of memory and the acceleration at x add to x̃, ṽ and the new memory, in
+        Weights of the two rows of memory and of the acceleration at x in x̃, ṽ and the new memory, see
         `deli.kernels.nonsmooth_alpha`; empty for other methods.
     restitution : float
-        Of normal velocities, in methods that do not reflect.
+        Coefficient of restitution of normal velocities, in methods without reflections.
     stiffness : float
         K = stiffness h² V″ is minus the derivative of φ with respect to u.
     implicit : bool
         Whether φ depends on x.
     reflects : bool
-        Whether Algorithm 1 is followed, or only its smooth part.
+        Whether a step follows Algorithm 1, or only its smooth part.
     operator : int
     numerical : bool
         Whether reflections conserve the numerical Hamiltonian.
@@ -100,14 +100,14 @@ class Method(NamedTuple):
     shadow : (2m + 1, 2m + 1) array
         Weights of the shadow energy that reflections conserve, see `deli.kernels.shadow`; empty for other methods.
     order : int
-        Of the steps to and from the events of a collision integrator; 0 for other methods.
+        Order of the steps to and from the events of a collision integrator; 0 for other methods.
     discrete : bool
-        Whether such a method conserves the discrete energy at events.
+        Whether a collision integrator conserves the discrete energy at events.
     closed_loop, skip : bool
     contact_tolerance : float
     tolerance : (3,) array
     exact, native : (3,) bool arrays
-        By subproblem: whether its answers are polished or exact, and whether the compiled solver gives them.
+        By subproblem, whether its answers are polished or exact, and whether the compiled solver gives them.
     """
 
     start: float

@@ -1,4 +1,4 @@
-"""Counting what a step costs."""
+"""Counts of the cost of a step."""
 
 import math
 
@@ -33,7 +33,7 @@ def measure(tally: Tally, subproblem: int, primal: float, dual: float, complemen
 
 @kernel
 def reset(tally: Tally) -> None:
-    """Forget everything but the size of the smooth set."""
+    """Reset all statistics except the size of the smooth set."""
     for subproblem in range(tally.status.size):
         for k in range(tally.counts.shape[0]):
             tally.counts[k, subproblem] = 0

@@ -57,7 +57,7 @@ def turn_back(machine: Machine, group: int, share: float) -> int:
 
 @kernel
 def _tangent(machine: Machine, normals: np.ndarray) -> int:
-    """Gradients over √M, projected on what the bilateral constraints leave free (7.7), one a row of `normals`."""
+    """Write the gradients over √M, projected onto the bilateral tangent space (7.7), one a row of `normals`."""
     system, work, islands, program = machine.system, machine.work, machine.islands, machine.program
     dof, root = system.mass.size, system.root
     taken, held = normals.shape[0], islands.held_start[1]
@@ -128,7 +128,7 @@ def _numerical_impulse(
 
 @kernel
 def _invert(factor: np.ndarray, size: int, out: np.ndarray) -> None:
-    """Inverse of L Lᵀ, symmetric to the bit."""
+    """Write the inverse of L Lᵀ, symmetric to the bit."""
     column = np.empty(size)
     for j in range(size):
         for i in range(size):
@@ -142,7 +142,7 @@ def _invert(factor: np.ndarray, size: int, out: np.ndarray) -> None:
 
 @unit(types.int64, MACHINE, types.int64, types.int64, types.int64)
 def turn_numerical(machine: Machine, _one: int, _two: int, _three: int) -> int:
-    """Add the impulse that conserves ½pᵀWp, W = M⁻¹ + c h² M⁻¹V″M⁻¹; nearly none where contacts graze.
+    """Add the impulse that conserves ½pᵀWp, W = M⁻¹ + c h² M⁻¹V″M⁻¹; nearly zero if contacts graze.
 
     The program is posed in the metric A = W⁻¹ with gradients projected as in (7.7); with √M W √M = L Lᵀ it is
     ``minimize ½|z − 2Lᵀp/√M|²`` over the rows times L/√M.

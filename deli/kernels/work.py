@@ -1,4 +1,4 @@
-"""What a step works in: its arrays, the islands of bodies in contact, and the statistics."""
+"""The working arrays of a step, the islands of bodies in contact, and the statistics."""
 
 from typing import Annotated, NamedTuple
 
@@ -11,13 +11,14 @@ from deli.kernels.arrays import Flags, Matrix, Numbers, Vector
 class Work(NamedTuple):
     """Arrays of one step, by degree of freedom, by unilateral row, by bilateral row.
 
-    `span` holds h, the size of the step at hand: words of a record never change, so no method could take a part of a
-    step if it were one. `level` is what a gap must not fall below in a position update: 0, but where a contact lands.
-    `here` is ∇V(q), `latent` the momentum along the gradients of landed contacts, `spot` where the constraints of a
-    position update are taken, `base` and `held_base` the values at u = 0 of rows that are affine. What collision
-    integrators need is described in `deli.kernels.fractions`, from `start` to `balance`. What a method carries from
-    step to step besides q and p is `memory`, of as many rows as it has names for, and becomes `remembered`. `struck`
-    counts the contacts that the step at hand has reflected, and `marked` the passes of a reflection off each row.
+    `span` holds h, the size of the step at hand. It is an array, because plain numbers in a record never change, and
+    methods also take parts of a step. `level` is the lower bound of a gap in a position update, 0 unless a contact
+    lands. `here` is ∇V(q), `latent` the momentum along the gradients of landed contacts, `spot` the point at which the
+    constraints of a position update are taken, and `base` and `held_base` are the values of affine rows at u = 0. The
+    arrays of collision integrators, from `start` to `balance`, are described in `deli.kernels.fractions`. `memory`
+    holds the arrays that a method carries from step to step besides q and p, one row for each of its names, and
+    `remembered` holds them after the step. `struck` counts the contacts that the step at hand has reflected, and
+    `marked` the passes of a reflection off each row.
     """
 
     span: Vector
@@ -103,7 +104,7 @@ class Islands(NamedTuple):
 
 
 class Tally(NamedTuple):
-    """Statistics as `deli.subproblems.stats.StepStats` shows them.
+    """The statistics behind `deli.subproblems.stats.StepStats`.
 
     Attributes
     ----------
@@ -113,8 +114,8 @@ class Tally(NamedTuple):
     residuals : (3, 3) array
     status : (3,) int64 array
     contacts : (3,) int64 array
-        Smooth contacts of the last step, contacts reflected in steps since the last reset, programs solved natively
-        ever. Steps that fail or begin anew have no contacts; all other numbers are of the work that was done.
+        Smooth contacts of the last step, contacts reflected in steps since the last reset, and programs solved natively
+        in all steps. Steps that fail or begin anew count no contacts; all other numbers count all work.
     """
 
     counts: Annotated[NDArray[np.int64], 2]

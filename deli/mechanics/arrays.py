@@ -1,4 +1,4 @@
-"""Reading what users pass in: float64 arrays, read-only, finite, of the right shape, or one clear message."""
+"""Readers of users' input: read-only float64 arrays, finite and of the right shape, or one clear message."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 BYTES_A_BODY = 2000
-"""What a scene and a stepper keep of each."""
+"""Memory in bytes that a scene and a stepper keep for each body."""
 TINY = np.finfo(np.float64).tiny
-"""Keeps a division by a length that may be zero finite."""
+"""Smallest divisor, which keeps a division by a length finite if the length is zero."""
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
@@ -27,7 +27,7 @@ def frozen(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def real_array(name: str, value: ArrayLike) -> Array:
-    """Read ``value`` as a read-only float64 copy, refusing what is not a finite real number."""
+    """Read ``value`` as a read-only float64 copy, and refuse every entry that is not a finite real number."""
     try:
         found = np.asarray(value)
     except ValueError as error:
@@ -76,14 +76,14 @@ def whole_number(name: str, value: Any, least: int = 0) -> int:
 
 
 def body_count(name: str, value: Any, least: int = 1) -> int:
-    """Read how many bodies or walls a scene is to have: a whole number >= ``least`` that fits into memory."""
+    """Read a scene's number of bodies or walls: a whole number >= ``least`` whose scene fits into memory."""
     count = whole_number(name, value, least)
     require_memory(f"{name}: found {count:,}", BYTES_A_BODY * count, "take fewer")
     return count
 
 
 def broadcast(name: str, array: Array, shape: tuple[int, ...], per: str) -> Array:
-    """Repeat ``array`` to ``shape`` (read-only), refusing lengths that do not fit."""
+    """Repeat ``array`` to ``shape`` (read-only), and refuse lengths that do not fit."""
     try:
         return frozen(np.ascontiguousarray(np.broadcast_to(array, shape)))
     except ValueError:
@@ -91,7 +91,7 @@ def broadcast(name: str, array: Array, shape: tuple[int, ...], per: str) -> Arra
 
 
 def one_vector_each(name: str, array: Array, rows: int, dimension: int) -> Array:
-    """Repeat one vector of length ``dimension`` for every row, or take one a row; a lone 0 is the zero vector."""
+    """Repeat one vector of length ``dimension`` for every row, or take one a row; the number 0 is the zero vector."""
     if array.ndim == 0 and (dimension == 1 or not array.any()):
         return frozen(np.full((rows, dimension), float(array)))
     if array.shape in {(dimension,), (rows, dimension)}:
@@ -103,7 +103,7 @@ def one_vector_each(name: str, array: Array, rows: int, dimension: int) -> Array
 
 
 def body_indices(name: str, value: ArrayLike, distinct: bool = False) -> Indices:
-    """Read body numbers (counted from 0) as a read-only vector, refusing repeated ones if ``distinct``."""
+    """Read body numbers (counted from 0) as a read-only vector, and refuse repeated ones if ``distinct``."""
     found = np.asarray(value)
     if found.size == 0:
         found = found.astype(np.intp)
@@ -132,7 +132,7 @@ def body_pairs(name: str, value: ArrayLike) -> Indices:
 
 
 def check_range(name: str, indices: Indices, bodies: int) -> None:
-    """Refuse body numbers the scene does not have."""
+    """Refuse body numbers that the scene does not have."""
     wrong = indices[(indices < 0) | (indices >= bodies)]
     if wrong.size:
         raise InputError(f"{name}: found body {int(wrong.flat[0])}; the scene has bodies 0 to {bodies - 1}")

@@ -21,7 +21,7 @@ from deli.mechanics.family import ArrayFamily, Family, Invariance, Layout, chose
 from deli.mechanics.tables import PLANE, Rows, make_rows, other_rows, stacked
 
 LARGEST_MATRIX = 1_000_000
-"""Entries up to which planes keep their normals as a matrix of shape (rows, dof)."""
+"""Largest number of entries for which planes keep their normals as a matrix of shape (rows, dof)."""
 
 
 class ConstraintFamily(Family):
@@ -29,7 +29,7 @@ class ConstraintFamily(Family):
 
     constant_jacobian: bool = False
     searched: bool = False
-    """Whether rows, other than the fixed ones, are found by search among all pairs of bodies."""
+    """Whether further rows, besides the fixed ones, are found by a search among all pairs of bodies."""
     rows: int
     """Number of fixed rows."""
 
@@ -46,15 +46,15 @@ class ConstraintFamily(Family):
         """Name each row for messages; bodies are counted from 0."""
 
     def rows_table(self) -> Rows | None:
-        """Return the fixed rows as a table, in the order of ``value``, or None where they have no such form."""
+        """Return the fixed rows as a table, in the order of ``value``, or None for a family without a table."""
         return None
 
 
 class SearchedFamily(ConstraintFamily):
-    """A family that can find its rows by search, where ``searched`` says so."""
+    """A family that finds its rows by search if ``searched`` is true."""
 
     distance: ArrayLike
-    """Smallest distance that bodies keep."""
+    """Smallest allowed distance of two bodies."""
 
     @abc.abstractmethod
     def neighbours(self, q: Array, reach: float) -> Rows:
@@ -80,7 +80,15 @@ class Planes(ArrayFamily, ConstraintFamily):
     offsets
         One number for all rows, or one for each row.
     bodies
-        The body of each row, counted from 0; a body may have several planes. Each body once if left out.
+        The body of each row, counted from 0; a body may have several planes. By default each body has one plane.
+
+    Examples
+    --------
+    >>> import deli
+    >>> box = deli.Planes(normals=[[0.0, 1.0], [1.0, 0.0]], offsets=0.5, bodies=[0, 0])  # a floor and a wall
+    >>> scene = deli.Scene(mass=1.0, position=[1.0, 2.0], momentum=[0.0, 0.0], unilateral=box, dimension=2)
+    >>> scene.unilateral.value(scene.position)
+    array([1.5, 0.5])
     """
 
     normals: ArrayLike
@@ -137,12 +145,12 @@ class Planes(ArrayFamily, ConstraintFamily):
         return [f"plane under body {body}" for body in self._index]
 
     def invariance(self) -> Invariance:
-        """Translations along all planes; rotations about an axis to which all are perpendicular."""
+        """Return the translations along all planes, and the rotations about an axis perpendicular to all planes."""
         return Invariance.of_vectors(self._normals, free=True)
 
 
 class ConstraintStack(ConstraintFamily):
-    """Several families, row under row; of none, no rows.
+    """A stack of constraint families, the rows of each below those of the family before; without families, no rows.
 
     Parameters
     ----------
@@ -165,7 +173,7 @@ class ConstraintStack(ConstraintFamily):
         return f"ConstraintStack({list(self.families)})"
 
     def bind(self, layout: Layout) -> Self:
-        """Return a stack with every family bound to ``layout``, or the stack itself if they are so already."""
+        """Return a stack with every family bound to ``layout``, or the stack itself if all of them are already."""
         families = [family.bind(layout) for family in self.families]
         if self.layout is not None and all(map(is_, families, self.families)) and not self.layout.differs(layout):
             return self
@@ -200,7 +208,7 @@ class ConstraintStack(ConstraintFamily):
 
     @cached_property
     def table(self) -> Rows:
-        """What `rows_table` returns, read-only and shared."""
+        """The table of `rows_table`, read-only and shared."""
         dimension = self._bound.dimension
         tables = (family.rows_table() or other_rows(family.rows, dimension) for family in self.families)
         return Rows._make(map(frozen, stacked(list(tables), dimension)))
@@ -213,7 +221,7 @@ class ConstraintStack(ConstraintFamily):
         q
             Configuration, shape (dof,).
         reach
-            A length: searched families find the pairs whose value is at most this.
+            Largest value, a length, of the pairs that searched families find.
         """
         found = [family.neighbours(q, reach) for family in self.searched_families]
         return stacked([self.table, *found], self._bound.dimension)

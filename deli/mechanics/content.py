@@ -20,23 +20,23 @@ from deli.mechanics.potentials import PotentialFamily
 from deli.mechanics.scene import Scene
 
 READABLE = 64
-"""Entries up to which an array is written out; of a larger one there are its shape and a digest."""
+"""Largest number of entries of an array that is written out; a larger array is replaced by its shape and a digest."""
 DISTANCES = (0.0, 1e-6, 1e-3, 1e-1)
-"""How far from the initial state functions are sampled, in units of the scene's length scale."""
+"""Distances from the initial state at which functions are sampled, in units of the scene's length scale."""
 SAMPLES = "samples"
 BITS = 30
-"""Of a sample, those that count in a digest: the last ones may be others on another processor."""
+"""Leading bits of a sample that count in a digest, because the last bits may differ between processors."""
 AGREEMENT = 1e-9
-"""How far samples may be apart, relative to each of them, and a thousandth of it relative to the largest."""
+"""Allowed difference of two samples relative to their size, and a thousandth of it relative to the largest sample."""
 LONGEST_SHOWN = 60
 _NONE: dict[str, Any] = {}
 PARAMETERS = "parameters"
 SIDES = ("potential", "unilateral", "bilateral")
 
 
-@functools.lru_cache(maxsize=8)  # a run asks for it more than once
+@functools.lru_cache(maxsize=8)  # a run needs it more than once
 def scene_content(scene: Scene) -> dict[str, Any]:
-    """Return a scene's parameters and all numbers that decide its motion, in types that TOML and JSON know.
+    """Return a scene's parameters and all numbers that determine its motion, in types of TOML and JSON.
 
     Parameters
     ----------
@@ -48,9 +48,10 @@ def scene_content(scene: Scene) -> dict[str, Any]:
         ``parameters``, ``dimension``, ``mass``, ``position``, ``momentum``, and by side (``potential``, ``unilateral``,
         ``bilateral``) a list with a table for each family: its ``kind`` and its arrays as they were passed. Arrays of
         more than `READABLE` entries are tables of their ``shape`` and ``sha256``. A family that is not one of deli's
-        own arrays is made of functions in Python, which cannot be written down: its table has ``samples`` at
-        len(`DISTANCES`) states that are the same for equal scenes. With directions v and w they are V, v.V' and
-        v.V''v of a potential, w.c and w.Cv of constraints, nan where a function is not defined.
+        array families is made of Python functions, which cannot be written down: its table has ``samples`` at
+        len(`DISTANCES`) states, which are the same for equal scenes. With directions v and w, the samples of a
+        potential are V, v.V' and v.V''v, and those of constraints are w.c and w.Cv; a sample is nan where its function
+        is not defined.
     """
     table: dict[str, Any] = {PARAMETERS: written(scene.parameters), "dimension": scene.dimension}
     table |= {name: written(getattr(scene, name)) for name in ("mass", "position", "momentum")}
@@ -60,13 +61,15 @@ def scene_content(scene: Scene) -> dict[str, Any]:
 def scene_digest(scene: Scene) -> str:
     """Return the SHA-256 of a scene's content, 64 hexadecimal digits.
 
-    Scenes of equal masses, initial states and families have the same digest, whatever their names and parameters are.
-    Functions in Python count by their samples, of which the first `BITS` bits do.
+    Scenes of equal masses, initial states and families have the same digest; names and parameters do not count.
+    Python functions count by the first `BITS` bits of their samples.
 
     Examples
     --------
+    >>> import deli
     >>> scene = deli.scenes.point_mass()
-    >>> deli.simulate(scene, deli.GVI(), step_size=0.1, steps=1).attrs["scene_digest"] == scene_digest(scene)
+    >>> run = deli.simulate(scene, deli.GVI(), step_size=0.1, steps=1)
+    >>> run.attrs["scene_digest"] == scene_digest(scene)
     True
     """
     table = {key: value for key, value in scene_content(scene).items() if key != PARAMETERS}
@@ -79,7 +82,7 @@ def scene_digest(scene: Scene) -> str:
 
 
 def sampled(table: Mapping[str, Any]) -> list[str]:
-    """Name the families of a content that are functions in Python."""
+    """Return the names of the families of a content that are made of Python functions."""
     return [
         f"{family['kind']} ({side} {number})"
         for side in SIDES
@@ -89,7 +92,7 @@ def sampled(table: Mapping[str, Any]) -> list[str]:
 
 
 def differences(recorded: Mapping[str, Any], content: Mapping[str, Any]) -> list[str]:
-    """Say in which entries two contents differ; samples are compared to `AGREEMENT`, all else exactly."""
+    """Return the entries in which two contents differ; samples are compared to `AGREEMENT`, other entries exactly."""
     found = _differing("{}", recorded, content, {*SIDES, PARAMETERS})
     found += _differing("parameter {}", recorded.get(PARAMETERS, {}), content[PARAMETERS])
     for side in SIDES:
@@ -106,7 +109,7 @@ def differences(recorded: Mapping[str, Any], content: Mapping[str, Any]) -> list
 
 
 def written(value: Any) -> Any:
-    """Return a parameter or an array as numbers and lists; of a large array, a table of its shape and digest."""
+    """Return a parameter or an array as numbers and lists, and a large array as a table of its shape and digest."""
     if isinstance(value, Mapping):
         return {key: written(entry) for key, entry in value.items() if entry is not None}
     array = number_array(value)
@@ -154,11 +157,11 @@ def _quantities(family: Any, q: Array, v: Array, random: np.random.Generator) ->
 
 
 def _number(quantity: Callable[[], Any]) -> float:
-    """Return a quantity, or nan where a user's function is not defined, in whatever way it says so."""
+    """Return a quantity, or nan where a user's function raises or there is no hessian."""
     with np.errstate(all="ignore"):
         try:
             value = quantity()
-        except Exception:  # the state may be one that the run never gets to
+        except Exception:  # the run may never reach this state
             return math.nan
     return math.nan if value is None else float(value)
 

@@ -1,4 +1,4 @@
-"""Derivatives of plain Python functions: checked by finite differences, or made by JAX."""
+"""Derivatives of plain Python functions: checks by finite differences, and derivatives by JAX."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ def central_differences(function: Callable[[Array], Any], q: Array, step: float)
 def check_derivative(name: str, supplied: Array, function: Callable[[Array], Any], q: Array) -> None:
     """Compare a supplied derivative with finite differences of ``function`` at ``q``.
 
-    Two step sizes give the difference and an estimate of its own error, so that a strongly curved function is
-    not taken for a wrong derivative.
+    Two step sizes give the difference and an estimate of its error, so that a strong curvature of the function is
+    not mistaken for a wrong derivative.
 
     Raises
     ------
     InputError
-        Naming the worst entry, where it differs by more than ALLOWED_MISMATCH and that estimate.
+        If an entry differs by more than ALLOWED_MISMATCH and that estimate; the message names the worst entry.
     """
     step = np.cbrt(np.finfo(np.float64).eps) * max(1.0, float(np.abs(q).max(initial=0.0)))
     fine, coarse = (central_differences(function, q, width) for width in (step, 2.0 * step))
@@ -61,14 +61,14 @@ def check_derivative(name: str, supplied: Array, function: Callable[[Array], Any
 class JaxDerivative:
     """A function written with ``jax.numpy`` and its derivative, from float64 arrays to float64 arrays.
 
-    Double precision is switched on around each call only; JAX's global configuration is left alone.
+    Double precision is switched on around each call only; JAX's global configuration does not change.
 
     Parameters
     ----------
     name
-        What to call the function in error messages.
+        Name of the function in error messages.
     function
-        The function to derive.
+        The function to differentiate.
     kind
         "gradient" of a scalar function, its "hessian", or "jacobian" of a vector function.
     """
@@ -96,7 +96,7 @@ class JaxDerivative:
         return self._call(self._derivative, q)
 
     def value(self, q: Array) -> Array:
-        """Return the function at ``q``; called as it is, it would compute in single precision."""
+        """Return the function at ``q``, computed in double precision."""
         return self._call(self._value, q)
 
     def _call(self, compiled: Callable[[Array], Any], q: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What constraints on distances have in common: between pairs of bodies, and from fixed points."""
+"""Base families of constraints on distances, between pairs of bodies and from fixed points."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from deli.mechanics.vectors import directions, lengths
 class PairDistances(ArrayFamily, ConstraintFamily):
     """Distances of pairs of bodies, less a target, |q_i - q_j| - target.
 
-    Where two bodies are at one place the direction is undefined and the jacobian's row is zero.
+    The direction between coincident bodies is undefined, and their row of the jacobian is zero.
     """
 
     pairs: ArrayLike | None
@@ -75,15 +75,15 @@ class PairDistances(ArrayFamily, ConstraintFamily):
         return make_rows(PAIR, self._pairs.first, nowhere, self._targets, second=self._pairs.second)
 
     def invariance(self) -> Invariance:
-        """Every translation and rotation."""
+        """Return every translation and rotation."""
         return Invariance.everything(self.bound.dimension)
 
 
 @dataclass(frozen=True, eq=False)
 class PointDistances(ArrayFamily, ConstraintFamily):
-    """Distances of bodies from fixed points less a target, sign (|q_i - point_i| - target).
+    """Distances of bodies from fixed points, less a target, sign (|q_i - point_i| - target).
 
-    At the point itself the direction is undefined and the jacobian's row is zero.
+    At the point itself the direction is undefined, and the row of the jacobian is zero.
     """
 
     bodies: ArrayLike | None = field(default=None, kw_only=True)
@@ -141,5 +141,5 @@ class PointDistances(ArrayFamily, ConstraintFamily):
         return make_rows(POINT, self._index, self._points, self._targets, sign=self._sign)
 
     def invariance(self) -> Invariance:
-        """Rotations about an axis that contains all points; no translation."""
+        """Return the rotations about an axis that contains all points, and no translation."""
         return Invariance.of_vectors(self._points, free=False)

@@ -17,7 +17,7 @@ from deli.mechanics.tables import PAIR, Rows, make_rows, table_values
 from deli.mechanics.vectors import nearest_images
 
 SEARCH_ABOVE = 200
-"""Bodies beyond which all pairs are found by search and not listed."""
+"""Largest number of bodies of which all pairs are listed; pairs among more bodies are found by search."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +25,9 @@ class SpheresApart(PairDistances, SearchedFamily):
     """Spheres that must not overlap, |q_i - q_j| - distance (8.5, 8.7, 8.9); as unilateral constraints.
 
     In a periodic box |q_i - q_j| is the distance to the nearest image, |x - period round(x/period)| with
-    x = q_i - q_j; positions need not stay inside the box. All pairs of more than SEARCH_ABOVE bodies are never
-    listed: such a family is ``searched``, has no fixed rows, and finds those that matter with ``neighbours``.
+    x = q_i - q_j; positions need not stay inside the box. With ``pairs=None``, one distance and more than SEARCH_ABOVE
+    bodies, the pairs are not listed: the family is ``searched``, has no fixed rows, and finds near pairs with
+    ``neighbours``.
 
     Parameters
     ----------
@@ -36,7 +37,22 @@ class SpheresApart(PairDistances, SearchedFamily):
         Sum of the radii > 0, one number or one for each pair.
     period
         Length of a periodic box, one number or one for each axis, at least twice the largest distance; 0 along an
-        axis that is not periodic, None where none is.
+        axis that is not periodic, None if no axis is periodic.
+
+    Examples
+    --------
+    >>> import deli
+    >>> contacts = deli.SpheresApart(pairs=[(0, 1), (1, 2)], distance=1.0)
+    >>> scene = deli.Scene(mass=1.0, position=[0.0, 1.0, 2.5], momentum=[1.0, 0.0, 0.0], unilateral=contacts)
+    >>> scene.unilateral.value(scene.position)
+    array([0. , 0.5])
+
+    In a periodic box of length 10 the nearest images count:
+
+    >>> contacts = deli.SpheresApart(pairs=None, distance=0.5, period=10.0)
+    >>> scene = deli.Scene(mass=1.0, position=[0.5, 9.5], momentum=[0.0, 0.0], unilateral=contacts)
+    >>> scene.unilateral.value(scene.position)
+    array([0.5])
     """
 
     distance: ArrayLike
@@ -84,7 +100,7 @@ class SpheresApart(PairDistances, SearchedFamily):
         return [] if self.searched else super().labels()
 
     def rows_table(self) -> Rows:
-        """Return the fixed rows as a table, in the order of ``value``; none of a searched family."""
+        """Return the fixed rows as a table, in the order of ``value``; a searched family has none."""
         none = np.zeros(0, dtype=np.intp)
         return self._table(none, none) if self.searched else super().rows_table()._replace(period=self._period.copy())
 
@@ -96,7 +112,7 @@ class SpheresApart(PairDistances, SearchedFamily):
         q
             Configuration, shape (dof,).
         reach
-            A length; below -distance there are no such pairs.
+            A length; no pair has a value below -distance.
         """
         bodies = q.reshape(-1, self.bound.dimension)
         first, second = pairs_within(bodies, self._one_distance() + reach, self._period)
@@ -105,15 +121,15 @@ class SpheresApart(PairDistances, SearchedFamily):
         return rows if near.all() else self._table(first[near], second[near])
 
     def nearest(self, q: Array) -> Rows:
-        """Return the pair i < j with the smallest |q_i - q_j| at one configuration; none of fewer than two bodies."""
+        """Return the pair i < j with the smallest |q_i - q_j| at one configuration, none for one body."""
         return self._table(*closest_pair(q.reshape(-1, self.bound.dimension), self._period))
 
     def least(self, q: Array) -> float:
-        """Return the smallest |q_i - q_j| - distance over all pairs at one configuration, inf if there is none."""
+        """Return the smallest |q_i - q_j| - distance over all pairs at one configuration, inf if there is no pair."""
         return float(np.min(table_values(self.nearest(q), q), initial=np.inf))
 
     def invariance(self) -> Invariance:
-        """Every translation; rotations that mix no periodic axis with another."""
+        """Return every translation, and the rotations that mix no periodic axis with another."""
         everything = Invariance.everything(self.bound.dimension)
         return Invariance(everything.translations, Invariance.of_vectors(np.diag(self._period), free=True).rotations)
 
@@ -149,6 +165,16 @@ class Rods(PairDistances):
         Pairs (i, j) of body numbers, counted from 0; None for all pairs i < j.
     length
         Length > 0 of the rod, one number or one for each pair.
+
+    Examples
+    --------
+    >>> import deli
+    >>> rod = deli.Rods(pairs=[(0, 1)], length=5.0)
+    >>> scene = deli.Scene(mass=1.0, position=[[0.0, 0.0], [3.0, 4.0]], momentum=[0.0] * 4, bilateral=rod, dimension=2)
+    >>> scene.bilateral.value(scene.position)
+    array([0.])
+    >>> scene.bilateral.jacobian(scene.position)
+    array([[-0.6, -0.8,  0.6,  0.8]])
     """
 
     length: ArrayLike
@@ -169,6 +195,14 @@ class SpheresInside(PointDistances):
         One point of length dimension or one for each row; the origin if left out.
     bodies
         The body of each row, counted from 0; each body once if left out.
+
+    Examples
+    --------
+    >>> import deli
+    >>> container = deli.SpheresInside(radius=6.0)
+    >>> scene = deli.Scene(mass=1.0, position=[3.0, 4.0], momentum=[0.0, 0.0], unilateral=container, dimension=2)
+    >>> scene.unilateral.value(scene.position)
+    array([1.])
     """
 
     radius: ArrayLike
@@ -194,6 +228,14 @@ class SpheresOutside(PointDistances):
         One point of length dimension or one for each row; the origin if left out.
     bodies
         The body of each row, counted from 0; each body once if left out.
+
+    Examples
+    --------
+    >>> import deli
+    >>> obstacle = deli.SpheresOutside(radius=2.0)
+    >>> scene = deli.Scene(mass=1.0, position=[3.0, 4.0], momentum=[0.0, 0.0], unilateral=obstacle, dimension=2)
+    >>> scene.unilateral.value(scene.position)
+    array([3.])
     """
 
     radius: ArrayLike
@@ -217,6 +259,16 @@ class AnchoredRods(PointDistances):
         Length > 0 of the rod, one number or one for each row.
     bodies
         The body of each row, counted from 0; each body once if left out.
+
+    Examples
+    --------
+    >>> import deli
+    >>> rod = deli.AnchoredRods(pivots=[0.0, 5.0], length=5.0)
+    >>> pendulum = deli.Scene(mass=1.0, position=[3.0, 1.0], momentum=[0.0, 0.0], bilateral=rod, dimension=2)
+    >>> pendulum.bilateral.value(pendulum.position)
+    array([0.])
+    >>> pendulum.bilateral.jacobian(pendulum.position)
+    array([[ 0.6, -0.8]])
     """
 
     pivots: ArrayLike

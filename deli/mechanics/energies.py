@@ -34,7 +34,7 @@ def hamiltonian(scene: Scene, q: Array, p: Array) -> Any:
 
 
 def numerical_hamiltonian(scene: Scene, scheme: Scheme, q: Array, p: Array, step_size: float) -> Any:
-    """Return the second-order numerical Hamiltonian H2, which free flight of the scheme keeps to O(h^4).
+    """Return the second-order numerical Hamiltonian H2, which the scheme conserves in free flight to O(h^4).
 
     With v = M^-1 p, a = M^-1 grad V,
 
@@ -46,7 +46,7 @@ def numerical_hamiltonian(scene: Scene, scheme: Scheme, q: Array, p: Array, step
     scene
         The scene.
     scheme
-        The scheme that steps it.
+        The scheme of the steps.
     q, p
         States, shape (..., dof).
     step_size
@@ -79,7 +79,7 @@ def reflection_metric(scene: Scene, scheme: Scheme, q: Array, step_size: float) 
     scene
         The scene.
     scheme
-        The scheme that steps it.
+        The scheme of the steps.
     q
         Configuration, shape (dof,).
     step_size
@@ -90,7 +90,7 @@ def reflection_metric(scene: Scene, scheme: Scheme, q: Array, step_size: float) 
     InputError
         Where the potential has no hessian.
     StepError
-        Where W is not positive definite: h is too large for this configuration.
+        If W is not positive definite: h is too large for this configuration.
     """
     factor = 2.0 * scheme.numerical_curvature
     hessian = potential_hessian(scene, q)
@@ -113,7 +113,7 @@ def reflection_metric(scene: Scene, scheme: Scheme, q: Array, step_size: float) 
 
 
 def potential_hessian(scene: Scene, q: Array) -> Array:
-    """Return V''(q), shape (dof, dof), refusing a potential that has none."""
+    """Return V''(q), shape (dof, dof), and refuse a potential without a hessian."""
     hessian = scene.potential.hessian(q)
     if hessian is None:
         raise InputError(NO_HESSIAN)

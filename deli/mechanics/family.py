@@ -1,4 +1,4 @@
-"""What potentials and constraint families have in common: they are bound to a scene's layout."""
+"""The base of potentials and constraint families: binding to a scene's layout, and invariances."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from deli.mechanics.arrays import Array, Indices, check_range, frozen
 
 ROTATION_PLANES: dict[int, list[tuple[int, ...]]] = {1: [], 2: [(0, 1)], 3: [(1, 2), (2, 0), (0, 1)]}
-"""The axes that each rotation mixes, in 1, 2 and 3 dimensions; in 3-D in the order of the axes turned about."""
+"""The two axes that each rotation mixes, by dimension; in 3-D in the order of the axes of rotation."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Layout:
-    """What a family needs to know about the scene it acts in.
+    """The part of a scene on which its families depend.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class Layout:
         return self.mass.size // self.dimension
 
     def differs(self, other: Layout) -> bool:
-        """Whether dimension, bodies or masses are not those of ``other``; positions do not matter."""
+        """Return whether dimension, bodies or masses differ from those of ``other``; positions do not count."""
         if self.mass is other.mass:
             return self.dimension != other.dimension
         return self.dimension != other.dimension or not np.array_equal(self.mass, other.mass)
@@ -53,7 +53,7 @@ class Layout:
 
 @dataclasses.dataclass(frozen=True)
 class Invariance:
-    """Rigid motions of all bodies together that leave a family unchanged: True, False, or None where it is unknown.
+    """Rigid motions of all bodies together that leave a family unchanged: True, False, or None for unknown.
 
     Parameters
     ----------
@@ -68,20 +68,21 @@ class Invariance:
 
     @classmethod
     def everything(cls, dimension: int) -> Invariance:
-        """Every translation and every rotation."""
+        """Return every translation and every rotation."""
         return cls((True,) * dimension, (True,) * len(ROTATION_PLANES[dimension]))
 
     @classmethod
     def nothing(cls, dimension: int) -> Invariance:
-        """No translation and no rotation."""
+        """Return no translation and no rotation."""
         return cls((False,) * dimension, (False,) * len(ROTATION_PLANES[dimension]))
 
     @classmethod
     def of_vectors(cls, vectors: Array, free: bool) -> Invariance:
-        """Invariances of a family built on fixed vectors (rows): directions if ``free``, else points.
+        """Return the invariances of a family built on fixed vectors (rows): directions if ``free``, else points.
 
-        A field of directions does not change along an axis to which all of them are perpendicular; a set of
-        points is tied to its place. Both turn into themselves about an axis that contains all of them.
+        A field of directions is invariant under translations along an axis perpendicular to all of them; a set of
+        points is invariant under no translation. Both are invariant under rotations about an axis that contains all
+        vectors.
         """
         zero = vectors == 0.0
         dimension = vectors.shape[1]
@@ -92,7 +93,7 @@ class Invariance:
         return cls(translations, tuple(bool(zero[:, others].all()) for others in across))
 
     def __and__(self, other: Invariance) -> Invariance:
-        """Return what both leave unchanged."""
+        """Return the motions that are in both."""
         return Invariance(
             tuple(map(both, self.translations, other.translations)),
             tuple(map(both, self.rotations, other.rotations)),
@@ -100,7 +101,7 @@ class Invariance:
 
 
 def both(one: bool | None, other: bool | None) -> bool | None:
-    """Return whether two things hold, None standing for unknown: False if one does not, whatever the other is."""
+    """Return whether both statements hold: False if one is False, else None (unknown) if one is None."""
     if one is False or other is False:
         return False
     return None if one is None or other is None else True
@@ -109,14 +110,14 @@ def both(one: bool | None, other: bool | None) -> bool | None:
 class Family(abc.ABC):
     """A potential or a set of constraints, usable once it is bound to a layout.
 
-    ``Scene`` binds what it is given; outside a scene, call ``bind`` with a ``Layout``.
+    ``Scene`` binds its families; outside a scene, call ``bind`` with a ``Layout``.
     """
 
     layout: Layout | None
 
     @abc.abstractmethod
     def bind(self, layout: Layout) -> Self:
-        """Return a family made ready for ``layout``; one already bound is bound anew where that matters."""
+        """Return the family bound to ``layout``, whether or not it is bound to another one already."""
 
     @abc.abstractmethod
     def invariance(self) -> Invariance:
@@ -125,9 +126,9 @@ class Family(abc.ABC):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ArrayFamily(Family):
-    """A family that is a dataclass of arrays; ``_prepare`` derives what its formulas need from the layout.
+    """A family that is a dataclass of arrays; ``_prepare`` derives the arrays of its formulas from the layout.
 
-    Layouts that differ only in their position share a bound family, so what is derived must not depend on it.
+    Layouts that differ only in their position share a bound family, so derived arrays must not depend on the position.
     """
 
     layout: Layout | None = dataclasses.field(default=None, kw_only=True, repr=False)
@@ -143,10 +144,10 @@ class ArrayFamily(Family):
 
     @abc.abstractmethod
     def _prepare(self, layout: Layout) -> None:
-        """Check the fields against the layout and precompute."""
+        """Check the fields against the layout and derive the arrays of the formulas."""
 
     def bind(self, layout: Layout) -> Self:
-        """Return a copy made ready for ``layout``, or the family itself if it is so already."""
+        """Return a copy bound to ``layout``, or the family itself if it is bound to an equal one."""
         if self.layout is not None and not self.layout.differs(layout):
             return self
         return dataclasses.replace(self, layout=layout)
@@ -163,7 +164,7 @@ class ArrayFamily(Family):
         return f"{name} is not bound to a scene yet: pass it to deli.Scene(...), or call {name}.bind(layout)"
 
     def __getattr__(self, name: str) -> Any:
-        # Reached only where ordinary lookup fails: something derived, of a family that no scene has bound.
+        # Reached only where ordinary lookup fails: a derived field of a family that is not bound yet.
         if (name == "bound" or name in type(self).__dataclass_fields__) and self.__dict__.get("layout") is None:
             raise AttributeError(self._unbound())
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
@@ -188,7 +189,7 @@ def chosen_bodies(name: str, bodies: Any, layout: Layout) -> Indices:
 
 
 def common_invariance(families: Iterable[Family], layout: Layout | None) -> Invariance:
-    """Return the rigid motions that leave all families unchanged; of none, every one."""
+    """Return the rigid motions that leave all families unchanged: every motion if there are no families."""
     if layout is None:
         raise AttributeError("not bound to a scene yet: pass it to deli.Scene(...), or call .bind(layout)")
     common = Invariance.everything(layout.dimension)

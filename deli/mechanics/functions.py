@@ -19,10 +19,10 @@ Function = Callable[[Array], Any]
 
 
 class Potential(PotentialFamily):
-    """A potential from plain Python functions of the flat configuration q, shape (dof,).
+    """A potential made of plain Python functions of the flat configuration q, shape (dof,).
 
-    Its invariances are measured (`deli.mechanics.measured`). Where ``gradient`` is left out, it and the hessian come
-    from JAX, and ``energy`` must be written with ``jax.numpy``. Supplied derivatives are checked against finite
+    Its invariances are measured (`deli.mechanics.measured`). If ``gradient`` is left out, JAX derives it and the
+    hessian, and ``energy`` must be written with ``jax.numpy``. Supplied derivatives are checked against finite
     differences at the initial state of the scene. Functions receive a copy of q, one configuration at a time.
 
     Parameters
@@ -32,12 +32,28 @@ class Potential(PotentialFamily):
     gradient
         The gradient of V, shape (dof,).
     hessian
-        V'', shape (dof, dof); needed only by what uses curvature (numerical Hamiltonians, the Newton metric).
+        V'', shape (dof, dof); used only by numerical Hamiltonians and the Newton metric.
 
     Raises
     ------
     InputError
-        Where the gradient is missing and JAX is not installed.
+        If the gradient is missing and JAX is not installed.
+
+    Examples
+    --------
+    >>> import deli
+    >>> quartic = deli.Potential(energy=lambda q: (q**4).sum() / 4, gradient=lambda q: q**3)
+    >>> scene = deli.Scene(mass=1.0, position=[2.0], momentum=[0.0], potential=quartic)
+    >>> float(scene.potential.energy(scene.position))
+    4.0
+
+    A wrong derivative is refused:
+
+    >>> wrong = deli.Potential(energy=lambda q: (q**4).sum() / 4, gradient=lambda q: q**2)
+    >>> deli.Scene(mass=1.0, position=[2.0], momentum=[0.0], potential=wrong)
+    Traceback (most recent call last):
+        ...
+    deli.errors.InputError: gradient of Potential: entry 0 is 4, finite differences at the initial state give 8; ...
     """
 
     def __init__(self, energy: Function, gradient: Function | None = None, hessian: Function | None = None) -> None:
@@ -80,7 +96,7 @@ class Potential(PotentialFamily):
         return np.array(self._gradient(q.copy()), dtype=np.float64)
 
     def hessian(self, q: Array) -> Array | None:
-        """Return V'' at one configuration, shape (dof, dof), or None where there is none."""
+        """Return V'' at one configuration, shape (dof, dof), or None if there is no hessian."""
         return None if self._hessian is None else np.array(self._hessian(q.copy()), dtype=np.float64)
 
     def invariance(self) -> Invariance:
@@ -91,9 +107,9 @@ class Potential(PotentialFamily):
 
 
 class Constraints(ConstraintFamily):
-    """Constraints from plain Python functions of the flat configuration q, shape (dof,).
+    """Constraints made of plain Python functions of the flat configuration q, shape (dof,).
 
-    Their invariances are measured (`deli.mechanics.measured`). Where ``jacobian`` is left out it comes from JAX, and
+    Their invariances are measured (`deli.mechanics.measured`). If ``jacobian`` is left out, JAX derives it, and
     ``value`` must be written with ``jax.numpy``. A supplied jacobian is checked against finite differences at the
     initial state of the scene.
 
@@ -107,7 +123,17 @@ class Constraints(ConstraintFamily):
     Raises
     ------
     InputError
-        Where the jacobian is missing and JAX is not installed.
+        If the jacobian is missing and JAX is not installed.
+
+    Examples
+    --------
+    >>> import deli
+    >>> parabola = deli.Constraints(value=lambda q: [q[1] - q[0] ** 2], jacobian=lambda q: [[-2.0 * q[0], 1.0]])
+    >>> scene = deli.Scene(mass=1.0, position=[0.5, 1.0], momentum=[0.0, 0.0], unilateral=parabola, dimension=2)
+    >>> scene.unilateral.value(scene.position)
+    array([0.75])
+    >>> scene.unilateral.jacobian(scene.position)
+    array([[-1.,  1.]])
     """
 
     def __init__(self, value: Function, jacobian: Function | None = None) -> None:
@@ -168,7 +194,7 @@ def _read(name: str, function: Function, q: Array, shape: tuple[int, ...] | None
         found = np.asarray(function(q.copy()))
     except InputError:
         raise
-    except Exception as error:  # whatever a user's function may raise
+    except Exception as error:  # a user's function may raise any exception
         raise InputError(f"{name}: fails at the initial state: {type(error).__name__}: {error}") from error
     if found.dtype.kind not in "fiu":
         raise InputError(f"{name}: found values of type {found.dtype} at the initial state; return real numbers")

@@ -45,7 +45,7 @@ def check_position(side: str, stack: ConstraintStack, q: Array, distance: float)
     q
         Configuration, shape (dof,).
     distance
-        By how far bodies may be out of place; a value may miss by this times the length of its gradient.
+        Allowed displacement of the bodies; a value may miss by this times the length of its gradient.
     """
     if not stack.families:
         return
@@ -72,8 +72,8 @@ def check_momentum(stack: ConstraintStack, q: Array, v: Array, tolerance: float)
     if not stack.families:
         return
     rate, norm = _rates(stack, q, v)
-    allowed = tolerance * norm * np.hypot.reduce(v)  # the norm of tiny velocities, which squared would be zero
-    allowed = np.maximum(allowed, np.finfo(float).tiny)  # below it, rounding is all there is
+    allowed = tolerance * norm * np.hypot.reduce(v)  # hypot, because the squares of tiny velocities would be zero
+    allowed = np.maximum(allowed, np.finfo(float).tiny)  # smaller rates are rounding
     if (np.abs(rate) > allowed).any():
         row = int(np.argmax(np.abs(rate) - allowed))
         raise InputError(
@@ -93,7 +93,7 @@ def _missed(side: str, named: str, value: float, allowed: float) -> str:
 
 
 def _values(stack: ConstraintStack, q: Array) -> tuple[Array, Array]:
-    """Return value and length of the gradient of each fixed row; only functions make a jacobian."""
+    """Return value and length of the gradient of each fixed row; only families of functions evaluate a jacobian."""
     rows = stack.table
     with np.errstate(all="ignore"):
         value, norm = table_values(rows, q), table_norms(rows, q)
@@ -114,7 +114,7 @@ def _rates(stack: ConstraintStack, q: Array, v: Array) -> tuple[Array, Array]:
 
 
 def _other_rows(stack: ConstraintStack) -> Iterator[tuple[ConstraintFamily, slice]]:
-    """Families of functions, each with the places of its rows in the stack."""
+    """Yield the families of functions, each with the places of its rows in the stack."""
     begin = 0
     for family in stack.families:
         if family in stack.others:

@@ -1,4 +1,4 @@
-"""Invariances of plain Python functions, which nobody declares: measured at some states."""
+"""Invariances of plain Python functions, measured at a few states because users do not declare them."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from deli.mechanics.arrays import Array
 from deli.mechanics.family import ROTATION_PLANES, Invariance, Layout
 
 SPREADS = (1e-3, 0.1, 1.0, 10.0)
-"""How far states are from the initial one and are moved, in the scene's extent or radians; the nearest first."""
+"""Distances of states from the initial one, and sizes of motions, in the scene's extent or radians, smallest first."""
 KEPT = 1e-12
-"""Relative change up to which a motion leaves a function unchanged: rounding makes as much."""
+"""Largest relative change that counts as rounding: the motion leaves the function unchanged."""
 BROKEN = 1e-6
-"""Relative change from which on it does not; between the two nothing is claimed."""
+"""Relative change above which the motion changes the function; between the two bounds it is unknown."""
 OFF_LATTICE = 0.7310585786300049
-"""Distances are multiplied by it, so that no translation is a period of the functions."""
+"""Factor of all distances, so that no translation is a period of the functions."""
 
 Motion = tuple[int, ...]
 """An axis to translate along, or the two axes of a plane to rotate in."""
@@ -27,15 +27,15 @@ def measure_invariance(
 ) -> Invariance:
     """Measure which rigid motions of all bodies leave functions of the configuration unchanged.
 
-    At random states from 1/1000 of the scene's extent to ten times that away from the initial one, and for motions as
-    large, both ways, the values c(q) are compared with those of the moved state, and the derivative along the motion,
-    Σᵢ ∂c/∂qᵢ·ξ(qᵢ), with zero: relative to what rounding makes of any such function. The states are the same in every
-    process.
+    The states are random, at distances between 1/1000 of the scene's extent and ten times the extent from the initial
+    state, and the same in every process. The motions are as large, in both directions. The values c(q) are compared
+    with those of the moved state, and the derivative along the motion, Σᵢ ∂c/∂qᵢ·ξ(qᵢ), with zero. Changes are relative
+    to the size of the terms that rounding acts on.
 
-    A motion is an invariance (True) where no change is beyond rounding (`KEPT`), and none (False) where one is beyond
-    doubt (`BROKEN`). It is unknown (None) where a change lies between the two, where the functions fail or are not
-    finite at the states nearest to the initial one, and where a function does not vary at all. Farther states at which
-    functions fail tell nothing.
+    A motion is an invariance (True) if no change exceeds rounding (`KEPT`), and it is none (False) if a change exceeds
+    `BROKEN`. It is unknown (None) if the largest change lies between the two, if the functions fail or are not finite
+    at the states nearest to the initial one, or if a function does not vary at all. States farther away at which
+    functions fail are left out.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def measure_invariance(
     Invariance
     """
     motions: list[Motion] = [*((axis,) for axis in range(layout.dimension)), *ROTATION_PLANES[layout.dimension]]
-    changes = np.full((len(SPREADS), len(motions), 3), np.nan)  # along the motion, and by it either way
+    changes = np.full((len(SPREADS), len(motions), 3), np.nan)  # derivative along the motion, and both directions
     rows = values(layout.position).shape
     varied = np.zeros(rows, dtype=bool)
     with np.errstate(all="ignore"):
@@ -80,7 +80,7 @@ def _verdict(changes: Array, varies: bool) -> bool | None:
 
 
 def _states(layout: Layout) -> Iterator[tuple[float, float, Array]]:
-    """Spreads, the lengths that they are, and states as far from the initial one."""
+    """Yield each spread, its length, and a state at that distance from the initial one."""
     random = np.random.default_rng(0)
     q = layout.position.reshape(layout.bodies, layout.dimension)
     extent = float(np.ptp(q, axis=0).max()) or float(np.abs(q).max()) or 1.0
@@ -118,7 +118,7 @@ def _along(slopes: Array, field: Array) -> float:
 
 
 def _between(at: Array, there: Array, slopes: Array, q: Array, moved: Array) -> float:
-    """Return |c' - c| over what rounding of places and values can be multiplied by, the largest of all rows."""
+    """Return |c' - c| over the size of the terms that rounding of q and c acts on, the largest of all rows."""
     place = np.abs(q).max() + np.abs(moved).max()
     return _largest(np.abs(there - at), np.abs(at) + np.abs(there) + place * np.abs(slopes).sum(axis=1))
 
@@ -128,9 +128,9 @@ def _largest(change: Array, size: Array) -> float:
 
 
 def _evaluated(function: Callable[[Array], Array], q: Array, shape: tuple[int, ...]) -> Array | None:
-    """Return what a function makes of q, or None where it fails or is not finite."""
+    """Return a function's values at q, or None where it fails or is not finite."""
     try:
         found = np.asarray(function(q), dtype=np.float64)
-    except Exception:  # whatever a user's function may raise where it was never meant to be asked
+    except Exception:  # a user's function may raise any exception outside its domain
         return None
     return found if found.shape == shape and np.isfinite(found).all() else None

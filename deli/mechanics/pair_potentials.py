@@ -17,7 +17,7 @@ from deli.mechanics.potentials import PotentialFamily
 from deli.mechanics.tables import LENNARD_JONES, SPRING, Terms, make_terms
 
 SMALLEST_LENGTH = 1e-150
-"""Stands in for the length of a spring whose ends coincide; times their difference, 0, it makes no force."""
+"""Substitute for the length of a spring whose ends coincide; its force is zero, because their difference is zero."""
 
 
 class PairPotential(ArrayFamily, PotentialFamily):
@@ -82,7 +82,7 @@ class PairPotential(ArrayFamily, PotentialFamily):
         )
 
     def invariance(self) -> Invariance:
-        """Every translation and rotation."""
+        """Return every translation and rotation."""
         return Invariance.everything(self.bound.dimension)
 
 
@@ -90,7 +90,7 @@ class PairPotential(ArrayFamily, PotentialFamily):
 class Springs(PairPotential):
     """Linear springs, V(q) = sum_(i,j) k/2 (|q_i - q_j| - l)^2, in one dimension too.
 
-    Two bodies at one place feel no force from a spring between them, though its direction is undefined there.
+    A spring between coincident bodies has an undefined direction, and no force.
 
     Parameters
     ----------
@@ -100,6 +100,16 @@ class Springs(PairPotential):
         k, one number or one for each pair.
     rest_length
         l >= 0, one number or one for each pair.
+
+    Examples
+    --------
+    >>> import deli
+    >>> spring = deli.Springs(pairs=[(0, 1)], stiffness=10.0, rest_length=5.0)
+    >>> scene = deli.Scene(mass=1.0, position=[6.0, 0.0], momentum=[0.0, 0.0], potential=spring)
+    >>> float(scene.potential.energy(scene.position))
+    5.0
+    >>> scene.potential.gradient(scene.position)
+    array([ 10., -10.])
     """
 
     pairs: ArrayLike
@@ -154,6 +164,14 @@ class LennardJones(PairPotential):
         Distance > 0 at which the potential is zero, one number or one for each pair.
     pairs
         Pairs (i, j) of body numbers, counted from 0; all pairs i < j if left out.
+
+    Examples
+    --------
+    >>> import deli
+    >>> potential = deli.LennardJones(epsilon=1.0, sigma=1.0)
+    >>> scene = deli.Scene(mass=1.0, position=[0.0, 2.0 ** (1 / 6)], momentum=[0.0, 0.0], potential=potential)
+    >>> round(float(scene.potential.energy(scene.position)), 6)  # the bottom of the well
+    -1.0
     """
 
     epsilon: ArrayLike

@@ -1,4 +1,4 @@
-"""Pairs of bodies: separations, and adding what each pair contributes to the bodies it joins."""
+"""Pairs of bodies: their separations, and sums of their contributions to the bodies that they join."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from deli.mechanics.family import Layout
 from deli.memory import require_memory
 
 BYTES_A_PAIR = 500
-"""What a scene and a stepper keep of each pair, and need to make it."""
+"""Memory in bytes that a scene and a stepper need for each pair."""
 LARGEST_DENSE = 40_000
-"""Entries up to which the matrix of differences is faster dense than sparse."""
+"""Largest number of entries for which the matrix of differences is faster dense than sparse."""
 
 
 class Pairs:
@@ -21,7 +21,7 @@ class Pairs:
     Parameters
     ----------
     name
-        What to call the pairs in error messages.
+        Name of the pairs in error messages.
     pairs
         Body numbers, shape (pairs, 2), or None for all pairs i < j.
     layout
@@ -31,7 +31,7 @@ class Pairs:
     def __init__(self, name: str, pairs: Indices | None, layout: Layout) -> None:
         if pairs is None:
             what, count = f"{name}: all pairs of {layout.bodies:,} bodies", layout.bodies**2 / 2
-            require_memory(what, BYTES_A_PAIR * count, "name those that interact, or take fewer")
+            require_memory(what, BYTES_A_PAIR * count, "list the pairs that interact, or take fewer bodies")
             pairs = np.stack(np.triu_indices(layout.bodies, 1), axis=1)
         pairs = body_pairs(name, pairs)
         check_range(name, pairs, layout.bodies)

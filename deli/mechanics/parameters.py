@@ -1,4 +1,4 @@
-"""Parameters of a scene: numbers, texts and flags that are recorded with its runs, and lists and tables of them."""
+"""Parameters of a scene, which its runs record: numbers, texts and flags, and lists and tables of them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from deli.errors import InputError
 
 
 def check_text(name: str, text: str) -> str:
-    """Return a text, refusing letters that no file can hold."""
+    """Return a text, and refuse characters that no file can hold."""
     try:
         text.encode()
     except UnicodeEncodeError as error:
@@ -22,7 +22,7 @@ def check_text(name: str, text: str) -> str:
 
 
 def check_parameters(name: str, value: Any) -> None:
-    """Refuse a parameter that cannot be recorded, naming it by its path."""
+    """Refuse a parameter that cannot be recorded; the message names its path."""
     if isinstance(value, str):
         check_text(name, value)
     elif isinstance(value, Mapping):
@@ -43,7 +43,7 @@ def check_parameters(name: str, value: Any) -> None:
 
 
 def number_array(value: Any) -> NDArray[Any] | None:
-    """Return real numbers or flags as an array, zero with one sign; None of anything else."""
+    """Return real numbers or flags as an array, with −0 replaced by 0; None for any other value."""
     try:
         array = np.asarray(value)
     except (TypeError, ValueError, OverflowError):  # lists of unequal length

@@ -16,7 +16,7 @@ from deli.mechanics.tables import Terms, summed
 
 
 class PotentialSum(PotentialFamily):
-    """The sum of several potentials; of none, the zero potential.
+    """The sum of several potentials; the zero potential if there are none.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class PotentialSum(PotentialFamily):
         return f"PotentialSum({list(self.families)})"
 
     def bind(self, layout: Layout) -> Self:
-        """Return a sum with every potential bound to ``layout``, or the sum itself if they are so already."""
+        """Return a sum with every potential bound to ``layout``, or the sum itself if all of them are already."""
         families = [family.bind(layout) for family in self.families]
         if self.layout is not None and all(map(is_, families, self.families)) and not self.layout.differs(layout):
             return self
@@ -59,7 +59,7 @@ class PotentialSum(PotentialFamily):
         return total
 
     def hessian(self, q: Array) -> Array | None:
-        """Return V'' at one configuration, shape (dof, dof), or None where one of the potentials has none."""
+        """Return V'' at one configuration, shape (dof, dof), or None if one of the potentials has no hessian."""
         if not self.families:
             return np.zeros((q.size, q.size))
         total = self.families[0].hessian(q)
@@ -71,18 +71,18 @@ class PotentialSum(PotentialFamily):
         return total
 
     def curvature(self, q: Array, v: Array) -> float | None:
-        """Return v . V''(q) v at one configuration, or None where one of the potentials has no hessian."""
+        """Return v . V''(q) v at one configuration, or None if one of the potentials has no hessian."""
         parts = [family.curvature(q, v) for family in self.families]
         known = [part for part in parts if part is not None]
         return sum(known) if len(known) == len(parts) else None
 
     def terms_table(self) -> Terms:
-        """Return the terms of all potentials that have a table; `others` are those that have none."""
+        """Return the terms of all potentials that have a table; `others` holds the potentials without one."""
         return Terms._make(column.copy() for column in self.table)
 
     @cached_property
     def table(self) -> Terms:
-        """What `terms_table` returns, read-only and shared."""
+        """The table of `terms_table`, read-only and shared."""
         if self.layout is None:
             raise AttributeError("not bound to a scene yet: pass it to deli.Scene(...), or call .bind(layout)")
         tables = [family.terms_table() for family in self.families]

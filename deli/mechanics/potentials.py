@@ -1,4 +1,4 @@
-"""Potential families: data in, energy, gradient and exact hessian out, vectorized over bodies and pairs."""
+"""Potential families: energy, gradient and exact hessian from arrays, vectorized over bodies and pairs."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ class PotentialFamily(Family):
 
     @abc.abstractmethod
     def hessian(self, q: Array) -> Array | None:
-        """Return V'' at one configuration, shape (dof, dof), or None where it is not available."""
+        """Return V'' at one configuration, shape (dof, dof), or None if there is no hessian."""
 
     def curvature(self, q: Array, v: Array) -> float | None:
-        """Return v . V''(q) v at one configuration, or None where there is no hessian."""
+        """Return v . V''(q) v at one configuration, or None if there is no hessian."""
         hessian = self.hessian(q)
         return None if hessian is None else float(v @ hessian @ v)
 
     def terms_table(self) -> Terms | None:
-        """Return the potential as a table of terms, or None where it has no such form."""
+        """Return the potential as a table of terms, or None for a potential without a table."""
         return None
 
 
@@ -57,6 +57,14 @@ class Gravity(ArrayFamily, PotentialFamily):
     ----------
     acceleration
         Vector of length dimension, e.g. ``[0, -9.8]``; a number in one dimension.
+
+    Examples
+    --------
+    >>> import deli
+    >>> gravity = deli.Gravity([0.0, -9.8])
+    >>> ball = deli.Scene(mass=2.0, position=[0.0, 5.0], momentum=[0.0, 0.0], potential=gravity, dimension=2)
+    >>> float(ball.potential.energy(ball.position))
+    98.0
     """
 
     acceleration: ArrayLike
@@ -97,7 +105,7 @@ class Gravity(ArrayFamily, PotentialFamily):
         return make_terms(self.bound.dof, self.bound.dimension, weight=self._weight)
 
     def invariance(self) -> Invariance:
-        """Translations across the acceleration; rotations about an axis along it."""
+        """Return the translations perpendicular to the acceleration, and the rotations about an axis along it."""
         return Invariance.of_vectors(np.asarray(self.acceleration)[None], free=True)
 
 
@@ -116,6 +124,16 @@ class RadialPowers(ArrayFamily, PotentialFamily):
         Body numbers, counted from 0; all bodies if left out.
     centre
         One point of length dimension, or one for each body; the origin if left out.
+
+    Examples
+    --------
+    >>> import deli
+    >>> repulsion = deli.RadialPowers(coefficients=[50.0], exponents=[-2.0])
+    >>> scene = deli.Scene(mass=1.0, position=[3.0, 4.0], momentum=[0.0, 0.0], potential=repulsion, dimension=2)
+    >>> float(scene.potential.energy(scene.position))
+    2.0
+    >>> scene.potential.gradient(scene.position).round(2)
+    array([-0.48, -0.64])
     """
 
     coefficients: ArrayLike
@@ -208,5 +226,5 @@ class RadialPowers(ArrayFamily, PotentialFamily):
         )
 
     def invariance(self) -> Invariance:
-        """Rotations about an axis that contains all centres; no translation."""
+        """Return the rotations about an axis that contains all centres, and no translation."""
         return Invariance.of_vectors(self._centre, free=False)

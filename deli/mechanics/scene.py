@@ -22,7 +22,7 @@ from deli.mechanics.symmetry import Conserved, conserved
 
 SMALLEST_MASS = 1.0 / np.finfo(np.float64).max
 TOLERANCE = 1e-9
-"""How far, relative to the scene, an initial state may miss its constraints."""
+"""Allowed violation of a constraint by an initial state, relative to the scene's length scale."""
 
 Potentials = PotentialFamily | Sequence[PotentialFamily] | None
 ConstraintFamilies = ConstraintFamily | Sequence[ConstraintFamily] | None
@@ -30,7 +30,7 @@ ConstraintFamilies = ConstraintFamily | Sequence[ConstraintFamily] | None
 
 @dataclass(frozen=True, init=False, eq=False)
 class Scene:
-    """A mechanical system H(q, p) = p.M^-1 p / 2 + V(q) with g(q) >= 0 and f(q) = 0, and where it starts.
+    """A mechanical system H(q, p) = p.M^-1 p / 2 + V(q) with g(q) >= 0 and f(q) = 0, and its initial state.
 
     Arrays are stored as read-only float64 copies, flat; ``dataclasses.replace`` makes checked variants.
 
@@ -54,9 +54,27 @@ class Scene:
     Raises
     ------
     InputError
-        Where a number is not finite or a mass not positive, lengths do not fit, the initial position violates a
-        constraint, the initial momentum violates F.M^-1 p = 0, a supplied derivative is wrong, or a parameter
-        cannot be recorded.
+        If a number is not finite or a mass not positive, if lengths do not fit, if the initial position violates a
+        constraint or the initial momentum F.M^-1 p = 0, if a supplied derivative is wrong, or if a parameter cannot be
+        recorded.
+
+    Examples
+    --------
+    >>> import deli
+    >>> scene = deli.Scene(
+    ...     mass=[1.0, 2.0],
+    ...     position=[[0.0, 1.0], [3.0, 1.0]],
+    ...     momentum=[[1.0, 0.0], [0.0, 0.0]],
+    ...     potential=deli.Gravity([0.0, -9.8]),
+    ...     unilateral=[deli.SpheresApart(pairs=[(0, 1)], distance=1.0), deli.Planes(normals=[0.0, 1.0], offsets=0.5)],
+    ...     dimension=2,
+    ... )
+    >>> scene.bodies, scene.dof
+    (2, 4)
+    >>> scene.unilateral.value(scene.position)
+    array([2. , 0.5, 0.5])
+    >>> scene.symmetry.linear
+    (True, False)
     """
 
     mass: Array
@@ -124,7 +142,7 @@ class Scene:
 
     @cached_property
     def symmetry(self) -> Conserved:
-        """Components of momentum the scene conserves."""
+        """Components of the total momentum that the scene conserves."""
         layout = Layout(self.dimension, self.mass, self.position)
         return conserved(layout, (self.potential, self.unilateral, self.bilateral))
 

@@ -1,4 +1,4 @@
-"""Discrete Lagrangians (8.2, 8.3) through their slots: where the force of each half step is taken."""
+"""Discrete Lagrangians (8.2, 8.3), given by the forces in their two slots."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Scheme(abc.ABC):
 
     name: ClassVar[str]
     weights: ClassVar[tuple[float, float, float]]
-    """Of the force at q, at the midpoint and at x, in first_force."""
+    """Weights of the force at q, at the midpoint and at x in first_force."""
     numerical_curvature: ClassVar[float]
     """Coefficient of h^2 p.M^-1 V'' M^-1 p in the second-order numerical Hamiltonian."""
     numerical_force: ClassVar[float]

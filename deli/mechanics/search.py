@@ -10,7 +10,7 @@ from deli.mechanics.arrays import Array, Indices
 from deli.mechanics.vectors import lengths, nearest_images
 
 SLACK = 1e-12
-"""Relative excess of a search's radius, so that rounding loses no pair; callers drop what is too far."""
+"""Relative excess of a search's radius, so that rounding loses no pair; callers drop pairs that are too far apart."""
 
 
 def pairs_within(bodies: Array, radius: float, period: Array) -> tuple[Indices, Indices]:
@@ -35,7 +35,7 @@ def pairs_within(bodies: Array, radius: float, period: Array) -> tuple[Indices, 
 
 
 def closest_pair(bodies: Array, period: Array) -> tuple[Indices, Indices]:
-    """Return the two bodies i < j that are closest, each as an array of one entry; none of fewer than two."""
+    """Return the two closest bodies i < j, each as an array of one entry; empty arrays for fewer than two bodies."""
     if len(bodies) < 2:
         return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
     _, nearest = _tree(bodies, period).query(_wrapped(bodies, period), k=2)

@@ -10,14 +10,14 @@ from numpy.polynomial import Polynomial
 from deli.mechanics.arrays import Array, frozen
 
 ORDERS = (2, 4, 6, 8, 10, 12)
-"""Of shadow energies that can be measured; beyond them rounding and the window of steps gain the upper hand."""
+"""Orders of the shadow energies that can be measured; at higher orders rounding and the window of steps dominate."""
 
 
 @cache
 def shadow_weights(order: int) -> Array:
     """Return B_jk = ½ ∫₋₁¹ ℓ_j ℓ_k′ dt, shape (order + 1, order + 1), of the nodes −order/2, …, order/2.
 
-    Of q and p known there, Σ B_jk p_j · q_k is ½ ∫₋₁¹ p · q′ dt of the interpolants. For order 0 there are none.
+    With q and p given at the nodes, Σ B_jk p_j · q_k is ½ ∫₋₁¹ p · q′ dt of their interpolants. Order 0 has no weights.
     """
     nodes = np.arange(-(order // 2), order // 2 + 1, dtype=float)
     if order == 0:

@@ -1,4 +1,4 @@
-"""Momentum: linear, angular, and which components a scene conserves (Noether, Theorem 5.1)."""
+"""Linear and angular momentum, and their components that a scene conserves (Noether, Theorem 5.1)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Bodies(Protocol):
 
 @dataclass(frozen=True)
 class Conserved:
-    """Which components of the total momentum a scene conserves: True, False, or None where it is unknown.
+    """Conservation of the components of a scene's total momentum: True, False, or None for unknown.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Conserved:
 def conserved(layout: Layout, families: Iterable[Family]) -> Conserved:
     """Return the conserved components, from the invariances of potentials and constraints.
 
-    The kinetic energy is invariant under translations always, and under a rotation where each body's mass is
+    The kinetic energy is always invariant under translations. It is invariant under a rotation if each body's mass is
     the same along both axes that the rotation mixes.
     """
     common = common_invariance(families, layout)

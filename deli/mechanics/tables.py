@@ -1,6 +1,7 @@
 """Scenes as arrays: constraint rows and potential terms in the form that compiled code reads.
 
-Arrays in a table are int64 or float64, C-contiguous, and its own: it may be changed without changing the scene.
+The arrays of a table are int64 or float64 and C-contiguous. They are copies, so that changing them leaves the scene
+unchanged.
 """
 
 from __future__ import annotations
@@ -29,12 +30,12 @@ class Rows(NamedTuple):
 
     - `PLANE`: vector . q_first - target, gradient `vector` at the body;
     - `PAIR` and `POINT`: sign (|x| - target), gradient sign x/|x| at the first body, minus that at the second;
-    - `OTHER`: entry `first` of what a family of Python functions returns, with a full gradient.
+    - `OTHER`: entry `first` of the values of a family of Python functions, with a full gradient.
 
     Attributes
     ----------
     kind, first, second : (rows,) int64 arrays
-        Kind, and numbers of the bodies; `second` is -1 where there is one.
+        Kind, and numbers of the bodies; `second` is -1 in a row on one body.
     vector : (rows, dimension) array
         Normal of a plane, or centre of a point; zero otherwise.
     target, sign : (rows,) arrays
@@ -107,7 +108,7 @@ def stacked(tables: Sequence[Rows], dimension: int) -> Rows:
     Raises
     ------
     InputError
-        Where pairs of one table have another period than those of another: a table has one.
+        If the pairs of two tables have different periods: a table has one period.
     """
     parts = [other_rows(0, dimension), *tables]
     *columns, _ = zip(*parts, strict=True)

@@ -22,7 +22,7 @@ def directions(x: Array) -> Array:
 def nearest_images(x: Array, period: Array) -> Array:
     """Return x - period round(x/period), each separation's nearest periodic image, shape (..., dimension).
 
-    An axis with period 0 is not periodic; there x is left alone.
+    An axis with period 0 is not periodic; along it x is unchanged.
     """
     if not period.any():
         return x

@@ -1,4 +1,4 @@
-"""Scenes: functions that return a ``Scene``, the paper's six first, and a registry by name."""
+"""Scenes: functions that return a ``Scene``, the six scenes of the paper first, and a registry by name."""
 
 from deli.scenes.lennard_jones import lennard_jones
 from deli.scenes.newtons_cradle import newtons_cradle

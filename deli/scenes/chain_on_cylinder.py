@@ -30,12 +30,13 @@ def chain_on_cylinder(
     """Return masses joined by rods on a horizontal cylinder under gravity, seen along its axis, in the plane.
 
     Masses stay outside the circle about the origin, g_i(q) = |q_i| - radius >= 0, and neighbours are joined by rods,
-    f_i(q) = |q_i - q_(i+1)| - l = 0. All start on the circle, mass i at the angle shift + (i/(masses - 1) - 1/2) arc
-    from the top, positive to the right; rods are chords, l = 2 radius sin(arc / (2 (masses - 1))). All move along
-    the circle with one speed, positive to the right, which changes no gap and no rod: contacts start smooth.
+    f_i(q) = |q_i - q_(i+1)| - l = 0. All masses start on the circle, mass i at the angle
+    shift + (i/(masses - 1) - 1/2) arc from the top, positive to the right; rods are chords,
+    l = 2 radius sin(arc / (2 (masses - 1))). All masses move along the circle with the same speed, positive to the
+    right, which changes no gap and no rod: contacts start smooth.
 
-    The chain starts on the upper half of the circle. At shift = 0 and speed = 0 it is in equilibrium, an unstable
-    one; otherwise it slides off and its masses leave the circle one after the other.
+    The chain starts on the upper half of the circle. At shift = 0 and speed = 0 it is in unstable equilibrium;
+    otherwise it slides off, and its masses leave the circle one after the other.
 
     Parameters
     ----------
@@ -53,6 +54,13 @@ def chain_on_cylinder(
         Initial speed of every mass along the circle.
     gravity
         Downward acceleration.
+
+    Examples
+    --------
+    >>> import deli
+    >>> scene = deli.scenes.chain_on_cylinder(masses=5)
+    >>> scene.unilateral.rows, scene.bilateral.rows
+    (5, 4)
     """
     masses = body_count("masses of chain_on_cylinder", masses, least=2)
     radius = positive_number("radius of chain_on_cylinder", radius)

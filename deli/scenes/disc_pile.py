@@ -25,8 +25,8 @@ def disc_pile(
     (2 columns - 1) radius - q_x >= 0. Rows of ``columns`` discs, which reach from wall to wall, alternate with rows
     of ``columns - 1``, which lie in the hollows between them, sqrt(3) radius higher; the lowest row is a wide one.
     No two discs overlap, |q_i - q_j| - 2 radius >= 0. All gaps of neighbours, of the lowest row to the floor and of
-    wide rows to the walls are zero to rounding. The pile carries itself: every disc lies on two discs, or on one
-    and a wall, or on the floor, so that it stays at rest; its contact forces are not unique.
+    wide rows to the walls are zero to rounding. The pile stays at rest, because every disc lies on two discs, on one
+    disc and a wall, or on the floor. Its contact forces are not unique.
 
     Parameters
     ----------
@@ -40,6 +40,13 @@ def disc_pile(
         One number or one for each disc, row by row from below, from left to right.
     gravity
         Downward acceleration.
+
+    Examples
+    --------
+    >>> import deli
+    >>> scene = deli.scenes.disc_pile(rows=2, columns=2)
+    >>> scene.bodies
+    3
     """
     rows = body_count("rows of disc_pile", rows, least=1)
     columns = body_count("columns of disc_pile", columns, least=2)

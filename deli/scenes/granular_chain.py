@@ -28,7 +28,7 @@ def granular_chain(
     seed: int = 1,
     mass: ArrayLike | None = None,
 ) -> Scene:
-    """Return beads in a row on a line, the first one moving towards the others, which touch and rest.
+    """Return beads in a row on a line; the first bead moves towards the others, which touch and rest.
 
     Neighbours do not overlap, |q_i - q_(i+1)| - 2 radius >= 0; there is no potential and no wall. Bead i is at
     2 radius i, the first one at -gap: by default it touches its neighbour and strikes it at once.
@@ -49,9 +49,18 @@ def granular_chain(
     speed
         Initial velocity of the first bead.
     seed
-        Of the random masses.
+        Seed of the random masses.
     mass
-        Masses of your own, one number or one for each bead, in place of those above.
+        Masses of your own, one number or one for each bead, in place of the masses above.
+
+    Examples
+    --------
+    >>> import deli
+    >>> scene = deli.scenes.granular_chain(beads=4, masses="alternating")
+    >>> scene.mass
+    array([2., 1., 2., 1.])
+    >>> scene.momentum
+    array([2., 0., 0., 0.])
     """
     beads = body_count("beads of granular_chain", beads, least=2)
     radius = positive_number("radius of granular_chain", radius)

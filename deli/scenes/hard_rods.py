@@ -34,11 +34,11 @@ def hard_rods(
     the last rod is the first one's neighbour.
 
     Equal rods exchange their velocities, so the motion is that of free particles (Jepsen 1965): y_i = q_i -
-    (i + 1/2) size are points on a line of length L - rods size that pass through each other (and bounce at its
-    ends); the rods are these points in their order at all times.
+    (i + 1/2) size are points on a line of length L - rods size that pass through each other and bounce at its
+    ends. The rods are these points in ascending order at all times.
 
-    Rod i of the default start is displaced at random from the middle of its share of the line; velocities are
-    normally distributed.
+    By default, rod i is displaced at random from the middle of its share of the line, and velocities are normally
+    distributed.
 
     Parameters
     ----------
@@ -57,9 +57,16 @@ def hard_rods(
     jitter
         Share of the free space within which the initial positions are random, >= 0 and < 1.
     seed
-        Of the random positions and velocities.
+        Seed of the random positions and velocities.
     position, momentum
         An initial state of your own, shape (rods,), positions in ascending order, in place of the random one.
+
+    Examples
+    --------
+    >>> import deli
+    >>> scene = deli.scenes.hard_rods(rods=4, boundary="ring", jitter=0.0)
+    >>> scene.unilateral.value(scene.position)
+    array([1., 1., 1., 1.])
     """
     rods = body_count("rods of hard_rods", rods, least=2)
     boundary = one_of("boundary of hard_rods", boundary, ("walls", "ring"))

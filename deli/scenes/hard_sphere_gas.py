@@ -31,22 +31,23 @@ def hard_sphere_gas(
     """Return equal hard spheres moving freely in a cube of side L = (spheres 4/3 pi radius^3 / filled)^(1/3).
 
     The radius is given (1 by default), so that the density stays the same as the number of spheres grows. No two
-    spheres overlap, |q_i - q_j| - 2 radius >= 0, with ``boundary="periodic"`` to the nearest image in the cube [0, L)
-    (positions are not wrapped back into it), with ``boundary="walls"`` inside [0, L]:
-    q_i - radius >= 0 and L - radius - q_i >= 0 along each axis.
+    spheres overlap, |q_i - q_j| - 2 radius >= 0. With ``boundary="periodic"`` the distance is that to the nearest image
+    in the cube [0, L), and positions are not wrapped back into the cube. With ``boundary="walls"`` spheres stay inside
+    [0, L]: q_i - radius >= 0 and L - radius - q_i >= 0 along each axis.
 
-    Spheres start near sites of a lattice that fills the cube: of the simple, the body-centred and the face-centred
-    cubic one, that with the widest spacing for so many sites; sites in excess, chosen at random, stay empty. Random
-    displacements are so small that no two spheres can meet. Velocities have Maxwell's distribution, less their
-    mean: the total momentum is zero.
+    Spheres start near the sites of a lattice that fills the cube: the simple, the body-centred or the face-centred
+    cubic lattice, whichever has the widest spacing for this number of spheres. Excess sites, chosen at random, stay
+    empty. Random displacements are so small that no two spheres can meet. Velocities have Maxwell's distribution, less
+    their mean: the total momentum is zero.
 
     Parameters
     ----------
     spheres
         Number of spheres, at least 2.
     filled
-        Share of the cube's volume that the spheres fill, > 0. How much is possible depends on how nearly their
-        number fills a lattice: at least 0.23 from 4 spheres up and 0.43 from 300 up, for most numbers above 0.5.
+        Share of the cube's volume that the spheres fill, > 0. Its largest value depends on how nearly the number of
+        spheres fills a lattice: at least 0.23 from 4 spheres up, at least 0.43 from 300 up, and above 0.5 for most
+        numbers.
     boundary
         "periodic" or "walls".
     radius
@@ -58,7 +59,16 @@ def hard_sphere_gas(
     jitter
         Share of the room between lattice sites within which the initial positions are random, >= 0 and < 1.
     seed
-        Of the random positions and velocities.
+        Seed of the random positions and velocities.
+
+    Examples
+    --------
+    >>> import deli
+    >>> scene = deli.scenes.hard_sphere_gas(spheres=8)
+    >>> scene.bodies, scene.unilateral.rows
+    (8, 28)
+    >>> bool((scene.unilateral.value(scene.position) > 0.0).all())
+    True
     """
     spheres = body_count("spheres of hard_sphere_gas", spheres, least=2)
     boundary = one_of("boundary of hard_sphere_gas", boundary, ("periodic", "walls"))
@@ -108,7 +118,7 @@ class _Lattice:
     def spacing(self, side: float, boundary: str) -> float:
         """Return the distance of neighbouring sites, in radii, in a cube of side ``side`` radii.
 
-        Walls are half of it away from the outermost sites.
+        The walls are half that distance away from the outermost sites.
         """
         steps = self.cells * self.per_cell
         return self.widening * side / (steps if boundary == "periodic" else steps - 1 + self.widening)
@@ -121,7 +131,7 @@ class _Lattice:
 
 
 def _lattices(spheres: int) -> list[_Lattice]:
-    """Return the smallest lattice of each kind with room for so many spheres."""
+    """Return the smallest lattice of each kind with at least this many sites."""
     centred = ((0, 0, 0), (1, 1, 1))
     faces = ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 0))
     corners: tuple[tuple[int, int, int], ...]

@@ -41,7 +41,7 @@ def lennard_jones(
     The paper leaves the initial state and epsilon open. By default epsilon = 1 and the chain is a helix about the
     z axis, centred at the origin, that turns by ``turn`` and climbs by ``rise`` from one sphere to the next. Sphere
     i (from 0) starts with the velocity speed (cos 2i, sin 3i, cos(i + 1)), less the part that would stretch a rod:
-    momenta are projected on F.M^-1 p = 0 in the metric M^-1. Linear and angular momentum are not zero.
+    momenta are projected onto F.M^-1 p = 0 in the metric M^-1. Linear and angular momentum are not zero.
 
     Parameters
     ----------
@@ -60,9 +60,18 @@ def lennard_jones(
     turn, rise
         Angle in radians and height from one sphere to the next; |rise| < length.
     speed
-        Size of the initial velocities before projection.
+        Factor of the initial velocities before the projection.
     position, momentum
         An initial state of your own, shape (spheres, 3), in place of the one above.
+
+    Examples
+    --------
+    >>> import deli
+    >>> scene = deli.scenes.lennard_jones()
+    >>> scene.bodies, scene.unilateral.rows, scene.bilateral.rows
+    (6, 21, 5)
+    >>> scene.symmetry.angular
+    (True, True, True)
     """
     spheres = body_count("spheres of lennard_jones", spheres, least=2)
     radius = positive_number("radius of lennard_jones", radius)

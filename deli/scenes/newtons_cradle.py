@@ -30,15 +30,15 @@ def newtons_cradle(
 
     Pivots are 2 radius apart on a horizontal line centred at the origin; each ball hangs on a rod,
     f_i(q) = |q_i - pivot_i| - length = 0 (8.6), and neighbours do not overlap,
-    g(q) = |q_i - q_j| - 2 radius >= 0 (8.7). Pulled balls touch each other, and so do those that hang. The paper
-    states neither gravity (9.8, as elsewhere) nor the duration (60 time units).
+    g(q) = |q_i - q_j| - 2 radius >= 0 (8.7). Pulled balls touch each other, and so do hanging balls. The paper
+    states neither gravity (here 9.8, as in other scenes) nor the duration (here 60 time units).
 
     Parameters
     ----------
     balls
         Number of balls, at least 1.
     pulled
-        How many of them, counted from the left, start at ``angle``.
+        Number of balls, counted from the left, that start at ``angle``.
     angle
         Angle from rest in radians, negative to the left.
     mass
@@ -49,6 +49,13 @@ def newtons_cradle(
         Length of every rod.
     gravity
         Downward acceleration.
+
+    Examples
+    --------
+    >>> import deli
+    >>> scene = deli.scenes.newtons_cradle(balls=3, pulled=1)
+    >>> abs(scene.unilateral.value(scene.position)).round(3)
+    array([0.604, 0.   ])
     """
     balls = body_count("balls of newtons_cradle", balls, least=1)
     pulled = whole_number("pulled of newtons_cradle", pulled)

@@ -26,7 +26,7 @@ def nonlinear_oscillator(
 ) -> Scene:
     """Return two discs bouncing off each other in the plane, g(q) = |q_1 - q_2| - 2 radius >= 0 (8.5).
 
-    V(q) = strength sum_i |q_i|^2 (|q_i|^2 - well^2)^2 (8.4). They start at q_1 = (0, -radius - clearance) and
+    V(q) = strength sum_i |q_i|^2 (|q_i|^2 - well^2)^2 (8.4). The discs start at q_1 = (0, -radius - clearance) and
     q_2 = -q_1 with momenta p_1 = (speed, 0) and p_2 = -p_1, a counterclockwise rotation: by default
     q_1 = (0, -1.4) and H = 4.613.
 
@@ -44,6 +44,13 @@ def nonlinear_oscillator(
         Length of each initial momentum.
     position, momentum
         An initial state of your own, shape (2, 2), in place of the one above.
+
+    Examples
+    --------
+    >>> import deli
+    >>> scene = deli.scenes.nonlinear_oscillator()
+    >>> scene.position
+    array([ 0. , -1.4,  0. ,  1.4])
     """
     radius = positive_number("radius of nonlinear_oscillator", radius)
     strength = real_number("strength of nonlinear_oscillator", strength)

@@ -1,4 +1,4 @@
-"""Initial states off by random numbers, for ensembles: the same for the same seed, on every machine."""
+"""Random perturbations of initial states, for ensembles: the same for the same seed, on every machine."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from deli.mechanics.arrays import real_number, whole_number
 from deli.mechanics.scene import Scene
 
 DEFAULTS: dict[str, Any] = {"seed": 0, "position": 0.0, "momentum": 0.0}
-"""Keys of a perturbation: the seed, and standard deviations of what is added to each coordinate."""
+"""Keys of a perturbation: the seed, and the standard deviations of the noise in each coordinate."""
 
 
 def read_perturbation(name: str, found: Any) -> dict[str, Any]:
-    """Read a perturbation's table, with defaults for what is left out.
+    """Read a perturbation's table, with defaults for missing keys.
 
     Raises
     ------
     InputError
-        Naming the key, what was found and what is allowed.
+        For an unknown key or a value out of range; the message names the key, the value found and the allowed ones.
     """
     if not isinstance(found, Mapping) or not set(found) <= set(DEFAULTS):
         raise InputError(f"{name}: found {found!r}; pass a table with some of the keys {', '.join(DEFAULTS)}")
@@ -39,7 +39,7 @@ def perturb(scene: Scene, table: Mapping[str, Any]) -> Scene:
     """Return a scene that starts at q + s_q x, p + s_p y with independent standard normal x and y.
 
     x and y are the first and second `dof` numbers of ``numpy.random.default_rng(seed)``, so neither depends on the
-    scales s_q and s_p. With bilateral constraints y loses, in the metric of M^-1, its part along their gradients.
+    scales s_q and s_p. With bilateral constraints, y is projected off their gradients in the metric of M^-1.
 
     Raises
     ------

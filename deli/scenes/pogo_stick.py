@@ -26,8 +26,8 @@ def pogo_stick(
     """Return the pogo stick of section 6.1.1: q = (top, bottom) in one dimension, g(q) = q_2 >= 0.
 
     V(q) = gravity (m q_1 + m q_2) + k/2 (|q_1 - q_2| - l)^2. The paper leaves the initial state open; the default
-    is q = (6, 1), p = 0: the spring at rest length, one unit above the floor, H = 68.6. Fig. 1.4 says gravity
-    9.8213 and section 6.1.1 says 9.8, the default here.
+    is q = (6, 1), p = 0: the spring at rest length, one unit above the floor, H = 68.6. Gravity is 9.8213 in Fig. 1.4
+    and 9.8 in section 6.1.1; the default is 9.8.
 
     Parameters
     ----------
@@ -39,6 +39,13 @@ def pogo_stick(
         Downward acceleration.
     position, momentum
         Initial state, (top, bottom).
+
+    Examples
+    --------
+    >>> import deli
+    >>> scene = deli.scenes.pogo_stick(position=[7.0, 1.0])
+    >>> round(float(scene.potential.energy(scene.position)), 6)
+    83.4
     """
     return Scene(
         mass=mass,

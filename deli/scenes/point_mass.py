@@ -18,7 +18,7 @@ def point_mass(
 ) -> Scene:
     """Return a ball falling on a floor in one dimension, V = m gravity q, g(q) = q >= 0 (section 1.3.1, Fig. 1.3).
 
-    The paper does not say at which step size Fig. 1.3 runs; h = 0.01 over 20 time units is this project's choice.
+    The paper does not state the step size of Fig. 1.3; h = 0.01 over 20 time units is this project's choice.
 
     Parameters
     ----------
@@ -28,6 +28,15 @@ def point_mass(
         Downward acceleration.
     position, momentum
         Initial height and momentum.
+
+    Examples
+    --------
+    >>> import deli
+    >>> scene = deli.scenes.point_mass(position=2.0)
+    >>> scene.unilateral.value(scene.position)
+    array([2.])
+    >>> scene.parameters
+    {'mass': 1.0, 'gravity': 9.8, 'position': 2.0, 'momentum': 0.0}
     """
     return Scene(
         mass=mass,

@@ -22,8 +22,9 @@ def quartic_wall(
 ) -> Scene:
     """Return a mass on a line that V(q) = stiffness q^4 / 4 pulls against a wall, g(q) = q - wall >= 0.
 
-    The force vanishes at the wall q = 0 and grows with its cube, so that the period depends on the energy. The scene is
-    not the paper's: it is the smallest one in which a nonlinear force drives impacts without end.
+    The force vanishes at q = 0, the default place of the wall, and grows with the cube of q, so that the period depends
+    on the energy. The scene is not from the paper: it is the smallest one in which a nonlinear force drives impacts
+    without end.
 
     Parameters
     ----------
@@ -32,9 +33,16 @@ def quartic_wall(
     stiffness
         Factor of the potential.
     wall
-        Where the wall is.
+        Position of the wall.
     position, momentum
         Initial state; by default at rest at q = 1, with H = 1/4.
+
+    Examples
+    --------
+    >>> import deli
+    >>> scene = deli.scenes.quartic_wall()
+    >>> float(scene.potential.energy(scene.position))
+    0.25
     """
     quarter = 0.25 * real_number("stiffness of quartic_wall", stiffness)
     return Scene(

@@ -1,4 +1,4 @@
-"""Reading parameters that several scenes share."""
+"""Readers of parameters that several scenes share."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from deli.mechanics.arrays import real_number
 
 
 def one_of(name: str, value: Any, allowed: Iterable[str]) -> str:
-    """Read one of a few words."""
+    """Read one of the allowed words."""
     words = list(allowed)
     if not isinstance(value, str) or value not in words:
         raise InputError(f"{name}: found {value!r}; choose one of {', '.join(map(repr, words))}")

@@ -1,4 +1,4 @@
-"""Scenes by name: what each function builds, the parameters it was called with, and how it is run."""
+"""The registry of scenes by name: their functions, their parameters, and the default numbers of their runs."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ _DEFAULTS: dict[str, dict[str, Any]] = {}
 def scene(
     *, step_size: float, duration: float, scheme: str
 ) -> Callable[[Callable[Parameters, Scene]], Callable[Parameters, Scene]]:
-    """Register the decorated function as a scene of its own name, with a way of running it: the paper's, if it has one.
+    """Register the decorated function as a scene of its own name, with default numbers of a run, the paper's if given.
 
-    The scene it returns carries that name and all keyword values, defaults included, in plain Python types; a
-    parameter left at None is not recorded. Calling the function with these values makes the same scene again. Besides
-    its own parameters it takes a `perturbation` of the initial state, see `deli.scenes.perturbation`.
+    The returned scene carries that name and all keyword values, defaults included, in plain Python types; a parameter
+    left at None is not recorded. Calling the function with these values makes the same scene again. Besides its own
+    parameters, the function takes a `perturbation` of the initial state, see `deli.scenes.perturbation`.
     """
 
     def register(build: Callable[Parameters, Scene]) -> Callable[Parameters, Scene]:
@@ -62,7 +62,7 @@ def scene(
 
 @contextmanager
 def _finite(name: str, values: dict[str, Any]) -> Iterator[None]:
-    """Refuse numbers with which a scene cannot be computed; numpy's infinities are refused where they turn up."""
+    """Refuse parameters that overflow in Python's arithmetic; numpy's infinities are refused by the scene itself."""
     try:
         with np.errstate(all="ignore"):
             yield
@@ -77,17 +77,38 @@ def _is_extreme(value: Any) -> bool:
 
 
 def available() -> list[str]:
-    """Return the names of all scenes."""
+    """Return the names of all scenes.
+
+    Examples
+    --------
+    >>> import deli
+    >>> deli.scenes.available()[:3]
+    ['lennard_jones', 'newtons_cradle', 'nonlinear_oscillator']
+    """
     return list(_BUILDERS)
 
 
 def get(name: str) -> Callable[..., Scene]:
-    """Return the function that builds the scene called ``name``."""
+    """Return the function that builds the scene called ``name``.
+
+    Examples
+    --------
+    >>> import deli
+    >>> deli.scenes.get("point_mass")(mass=2.0).mass
+    array([2.])
+    """
     return _BUILDERS[_known(name)]
 
 
 def defaults(name: str) -> dict[str, Any]:
-    """Return the step_size, duration and scheme with which the scene called ``name`` is run unless told otherwise."""
+    """Return the default step_size, duration and scheme of a run of the scene called ``name``.
+
+    Examples
+    --------
+    >>> import deli
+    >>> deli.scenes.defaults("point_mass")
+    {'step_size': 0.01, 'duration': 20.0, 'scheme': 'midpoint'}
+    """
     return dict(_DEFAULTS[_known(name)])
 
 

@@ -16,7 +16,7 @@ from deli.mechanics.scene import Scene
 from deli.scenes.registry import scene
 
 STARTS = {"smooth": [(0.8, -0.6), (0.6, -0.8)], "mixed": [(0.8, -0.2), (0.6, -0.8)]}
-"""Initial positions in units of the radius: both on the circle, or the first one off it."""
+"""Initial positions in units of the radius: both masses on the circle, or the first one inside it."""
 
 
 @scene(step_size=0.5, duration=1000.0, scheme="midpoint")
@@ -34,10 +34,10 @@ def spring_sphere(
 ) -> Scene:
     """Return two masses in a circle, g_i(q) = radius - |q_i| >= 0, pushed outward and joined by a spring.
 
-    V(q) = sum_i repulsion/|q_i|^2 + k/2 (|q_1 - q_2| - l)^2 (section 5.2). ``start="smooth"`` has both on the circle,
-    q = ((4, -3), (3, -4)) (Fig. 5.1, H = 6); ``start="mixed"`` has the first one inside, q_1 = (4, -1), where it
-    bounces while the second one slides (Fig. 8.3, H = 5.997). Both scale with the radius. Momenta point
-    counterclockwise, perpendicular to the position.
+    V(q) = sum_i repulsion/|q_i|^2 + k/2 (|q_1 - q_2| - l)^2 (section 5.2). With ``start="smooth"`` both masses start on
+    the circle, q = ((4, -3), (3, -4)) (Fig. 5.1, H = 6). With ``start="mixed"`` the first mass starts inside,
+    q_1 = (4, -1), and bounces while the second one slides (Fig. 8.3, H = 5.997). Both starts scale with the radius.
+    Momenta point counterclockwise, perpendicular to the position.
 
     Parameters
     ----------
@@ -55,6 +55,15 @@ def spring_sphere(
         Length of each initial momentum.
     position, momentum
         An initial state of your own, shape (2, 2), in place of the one that ``start`` and ``speed`` give.
+
+    Examples
+    --------
+    >>> import deli
+    >>> scene = deli.scenes.spring_sphere(start="mixed")
+    >>> scene.position
+    array([ 4., -1.,  3., -4.])
+    >>> scene.symmetry.angular
+    (True,)
     """
     if not isinstance(start, str) or start not in STARTS:
         raise InputError(f"start of spring_sphere: found {start!r}; choose one of {', '.join(map(repr, STARTS))}")

@@ -1,4 +1,4 @@
-"""A point that falls into a wedge, whose walls can be many, nearly parallel or there twice."""
+"""A point that falls into a wedge, whose walls can be many, nearly parallel or repeated."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ def wedge(
     """Return the wedge billiard (Lehtihet and Miller 1986), V = m gravity y, g_i(q) = n_i . q >= 0.
 
     All walls meet in the origin. Their unit normals n_i = (sin a_i, cos a_i) have angles a_i equally spaced over
-    ``[-spread / 2, spread / 2]``: the defaults are two walls at right angles. Many walls are met at once in the apex;
-    with a small spread they are nearly parallel, and with copies they depend on each other. Flight is exact
-    for every scheme here and each reflection conserves energy, so whatever the energy does is the solver's or the
-    operator's.
+    ``[-spread / 2, spread / 2]``: the defaults are two walls at right angles. In the apex all walls are met at once;
+    with a small spread they are nearly parallel, and with copies they depend on each other. Every scheme is exact in
+    flight and each reflection conserves energy, so every error of the energy comes from the solver or the reflection
+    operator.
 
     Parameters
     ----------
     walls
-        How many directions of walls.
+        Number of directions of walls.
     copies
-        How often each wall is there.
+        Number of copies of each wall.
     spread
         Angle between the first and the last normal, at least 0 and below pi.
     mass
@@ -46,6 +46,13 @@ def wedge(
         Downward acceleration.
     position, momentum
         Initial state, (x, y).
+
+    Examples
+    --------
+    >>> import deli
+    >>> scene = deli.scenes.wedge(copies=2)
+    >>> scene.unilateral.value(scene.position).round(3)
+    array([0.636, 0.636, 0.778, 0.778])
     """
     directions, repeats = (
         body_count("walls of wedge", walls, least=1),

@@ -1,4 +1,4 @@
-"""Which backend solves which subproblem."""
+"""Choices of a backend for each subproblem."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -8,12 +8,12 @@ import solvers
 from deli.errors import InputError
 
 SUBPROBLEMS = ("reflection", "position", "projection")
-NATIVE = ("native", "auto")  # whose large programs a sparse active-set method of the project's own answers
+NATIVE = ("native", "auto")  # backends whose large programs go to the project's own sparse active-set method
 
 
 @dataclass(frozen=True)
 class SolverChoice:
-    """A backend and how hard it is asked to try.
+    """A backend with its tolerance and settings.
 
     Parameters
     ----------
@@ -21,16 +21,17 @@ class SolverChoice:
         A name from `solvers.available()`, or ``"auto"``: the explicit chain native, daqp, piqp, error. Large
         programs that native has not answered in compiled code go to the chain of `solvers.choosing`.
     tolerance : float
-        Scaled KKT residual that counts as solved; it means the same for every backend.
+        Largest scaled KKT residual of a solved subproblem; it means the same for every backend.
     polish : bool
-        Solve the active set that the answer points at once more, exactly, and keep that if its residual is smaller.
+        Whether the active set that the answer indicates is solved once more, exactly, and that answer is kept if its
+        residual is smaller.
     warm_start : bool
-        Begin each solve at the last answer to a program of the same shape; refused for a backend that cannot.
-        ``"auto"`` and ``"native"`` begin large programs with the last active set, and small ones anew. A step is then
-        no longer a function of (q, p) alone: a run that is resumed, or repeated by another stepper, agrees only to the
-        tolerance.
+        Whether each solve begins at the last answer to a program of the same shape; refused for a backend without warm
+        starts. ``"auto"`` and ``"native"`` begin large programs with the last active set, and small ones anew. A step
+        is then no longer a function of (q, p) alone: a run that is resumed, or repeated by another stepper, agrees only
+        to the tolerance.
     options : mapping
-        Settings in the backend's own words.
+        Settings by the backend's own names.
     """
 
     backend: str = "auto"
@@ -41,7 +42,7 @@ class SolverChoice:
 
     def __post_init__(self) -> None:
         if not isinstance(self.backend, str):
-            raise InputError(f"solvers: a backend is named by a string, found {self.backend!r}.")
+            raise InputError(f"solvers: a backend is named by a string; found {self.backend!r}.")
         tolerance = self.tolerance
         if isinstance(tolerance, bool) or not isinstance(tolerance, (int, float)) or not 0 < tolerance < 1:
             raise InputError(f"solvers: tolerance of {self.backend!r} is {tolerance!r}; allowed: 0 < tolerance < 1.")
@@ -54,20 +55,20 @@ class SolverChoice:
 
 
 def parse_choices(choice: object) -> dict[str, SolverChoice]:
-    """Turn what a user writes for `solvers` into one choice a subproblem.
+    """Return one choice for each subproblem from a user's `solvers`.
 
     Parameters
     ----------
     choice : str, SolverChoice or mapping
         A name; a table ``{backend, tolerance, polish, warm_start, options}``; or a table of these by subproblem
-        (``reflection``, ``position``, ``projection``) with ``default`` for the ones left out. What a subproblem's
-        table leaves out is the default's, except for options, which belong to one backend.
+        (``reflection``, ``position``, ``projection``) with ``default`` for missing ones. Missing keys of a subproblem's
+        table have the default's values, except for options, which belong to one backend.
 
     Raises
     ------
     InputError
-        For unknown keys, a value out of range, a backend that is unknown, not installed, or has no warm start that
-        was asked for.
+        For unknown keys, a value out of range, a backend that is unknown or not installed, or a warm start with a
+        backend that has none.
     """
     by_subproblem = isinstance(choice, Mapping) and not _FIELDS.intersection(choice)
     table = dict(choice) if by_subproblem and isinstance(choice, Mapping) else {"default": choice}

@@ -1,4 +1,4 @@
-"""Keeps the subproblems that solvers are given while a run goes on."""
+"""The collector of the subproblems that solvers get during a run."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -15,19 +15,19 @@ MOST_BYTES = 256_000_000
 
 
 class Collector:
-    """Takes every subproblem that is handed to a solver, until it has enough of them.
+    """A store of the subproblems that solvers get, up to a largest number and size.
 
     Parameters
     ----------
     most : int
-        Subproblems to keep; what is met later is counted only.
+        Largest number of subproblems to keep; later ones are only counted.
     kept, left_out, size : int
-        What earlier sessions have kept and left out, and the bytes of what they kept.
+        Numbers of subproblems that earlier sessions have kept and left out, and the bytes of the kept ones.
 
     Attributes
     ----------
     left_out : int
-        Subproblems met and not kept, because there were enough or they took `MOST_BYTES`.
+        Number of subproblems that were not kept, because there were enough or they took `MOST_BYTES`.
     """
 
     def __init__(self, most: int = MOST, kept: int = 0, left_out: int = 0, size: int = 0) -> None:
@@ -43,7 +43,7 @@ class Collector:
         self._progress = progress
 
     def pose(self, subproblem: int, newton: bool, program: "Program", size: int, equalities: int, rows: int) -> None:
-        """Take what is in `program`, which a solver is about to get."""
+        """Take the subproblem in `program`, which a solver is about to get."""
         if self._progress[0] != self._step:
             self._begin_step(int(self._progress[0]))
         number = self._solves[subproblem]
@@ -68,7 +68,7 @@ class Collector:
         )
 
     def take_answer(self, program: "Program", good: bool) -> None:
-        """Take the answer to what was posed last, if there is one."""
+        """Take the answer to the last posed subproblem, if it was kept."""
         posed, self._posed = self._posed, None
         if posed is None:
             return
@@ -79,7 +79,7 @@ class Collector:
         self._size += posed.bytes
 
     def forget_step(self) -> None:
-        """Forget what the step that is under way has posed: it is tried again."""
+        """Forget the subproblems of the current step, because the step begins anew."""
         if self._progress[0] != self._step:
             return
         while self._held and self._held[-1].step == self._step:
@@ -89,7 +89,7 @@ class Collector:
         self._begin_step(self._step)
 
     def release(self, steps: int | None = None) -> list[PosedSubproblem]:
-        """Hand on what the first `steps` steps of the run have posed, or all there is, and hold it no longer."""
+        """Return the subproblems of the first `steps` steps of the run, by default all, and hold them no longer."""
         count = len(self._held)
         while steps is not None and count and self._held[count - 1].step >= steps:
             count -= 1

@@ -7,4 +7,4 @@ MODELS = (
     (position.model, position.newton_model),
     (projection.model, projection.model),
 )
-"""In the order of `deli.subproblems.choices.SUBPROBLEMS`."""
+"""Two models a subproblem, in the order of `deli.subproblems.choices.SUBPROBLEMS`."""

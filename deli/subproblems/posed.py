@@ -1,4 +1,4 @@
-"""One subproblem as a step posed it, with the answer it got."""
+"""One subproblem as a step posed it, with its answer."""
 
 import math
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def count_bytes(variables: int, rows: int, entries: int, metric_entries: int) -> int:
-    """Bytes that the numbers of one problem take when they are stored, or of several whose counts are added."""
+    """Return the bytes that a stored problem takes, or several problems together if their counts are added."""
     return 16 * variables + 25 * rows + 12 * entries + 8 * metric_entries
 
 
@@ -32,19 +32,19 @@ class PosedSubproblem:
     subproblem : int
         Index into `deli.subproblems.choices.SUBPROBLEMS`.
     step : int
-        Integration steps that were taken before the one that posed it.
+        Number of integration steps before the one that posed it.
     solve : int
         Its number among the solves of the same subproblem in that step: passes, iterates and islands in their order.
     equalities : int
-        Rows that are equations; they may depend on each other.
+        Number of rows that are equations; they may depend on each other.
     start, column, value : arrays
         R by compressed rows.
     bounds : (rows,) array
     wish : (variables,) array
     metric : (variables, variables) array or None
-        A; None where it is the identity.
+        A; None if it is the identity.
     z, y : (variables,) and (rows,) arrays
-        The answer with its multipliers; nan where the solver gave none.
+        The answer with its multipliers; nan if the solver gave none.
     """
 
     subproblem: int
@@ -62,7 +62,7 @@ class PosedSubproblem:
 
     @property
     def name(self) -> str:
-        """Which subproblem it is, in a word."""
+        """Name of the subproblem."""
         return SUBPROBLEMS[self.subproblem]
 
     @property
@@ -77,7 +77,7 @@ class PosedSubproblem:
 
     @property
     def bytes(self) -> int:
-        """Size of its numbers, see `count_bytes`."""
+        """Size of its numbers in bytes, see `count_bytes`."""
         n = self.variables
         return count_bytes(n, self.rows, self.value.size, n * (n + 1) // 2 if self.newton else 0)
 
@@ -88,21 +88,21 @@ class PosedSubproblem:
 
     @cached_property
     def matrix(self) -> sparse.csr_array:
-        """R."""
+        """The matrix R of all rows."""
         return sparse.csr_array((self.value, self.column, self.start), shape=(self.rows, self.variables))
 
     @property
     def active(self) -> np.ndarray:
-        """Rows that press: equations, and inequalities whose multiplier exceeds their slack; none without an answer."""
+        """Active set: equations, and inequalities whose multiplier exceeds their slack; empty without an answer."""
         pressing: np.ndarray = self.y > self.matrix @ self.z - self.bounds
         pressing[: self.equalities] = np.isfinite(self.y[: self.equalities])
         return pressing
 
     def residuals(self, z: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
-        """Scaled primal, dual and complementarity residual of an answer, see `solvers.residuals.Residuals`.
+        """Return the scaled primal, dual and complementarity residual of an answer, see `solvers.residuals.Residuals`.
 
-        In the standard form of `solvers` rows are those of equations and −1 times those of inequalities, and so are
-        multipliers, of opposite signs.
+        In the standard form of `solvers`, inequality rows have the opposite sign of the rows here, and the multipliers
+        of equations have the opposite sign of the multipliers here.
         """
         from solvers.kernels import sparse_residuals  # numba takes half a second to import
 
@@ -124,9 +124,9 @@ class PosedSubproblem:
         return primal, dual, complementarity
 
     def problem(self) -> "cp.Problem":
-        """The cvxpy model with these numbers as values of its Parameters, and the answer as that of its Variable.
+        """Return the cvxpy model with these numbers in its Parameters, and with the answer in its Variable.
 
-        Many rows are in sparse Parameters. Multipliers are values of the constraints' dual variables, in cvxpy's signs.
+        Large problems have sparse Parameters. Multipliers are in the constraints' dual variables, with cvxpy's signs.
         """
         from deli.subproblems.models import MODELS
 

@@ -14,20 +14,20 @@ if TYPE_CHECKING:
 
 
 def model(mass: np.ndarray, rows: int, bilateral_rows: int, patterns: Patterns = DENSE) -> "cp.Problem":
-    """One linearization of the position update about x_j, with the gradients frozen at q where the forces act.
+    """Return one linearization of the position update about x_j, with gradients frozen at q, where the forces act.
 
     ``minimize ½vᵀA v − ŵᵀv  subject to  N_𝕊(q)ᵀv ≥ b (λ),  F(q)ᵀv = c (ν)``,  then x_{j+1} = q + h v, with::
 
         b = (−g(x_j) + N(q)ᵀ(x_j − q)) / h        c = (−f(x_j) + F(q)ᵀ(x_j − q)) / h
         A = M,  ŵ = p + φ(q, x_j)       or, by Newton,      A = M + (h²/4)V″,  ŵ = p + φ(q, x_j) + (h²/4)V″v_j
 
-    Where x_{j+1} = x_j the linearization is exact: (x, λ, ν) solves the asymmetric system (7.3, 7.4, 7.8) itself.
+    At x_{j+1} = x_j the linearization is exact: (x, λ, ν) solves the asymmetric system (7.3, 7.4, 7.8) itself.
     """
     return _linearization(mass, rows, bilateral_rows, patterns)
 
 
 def newton_model(mass: np.ndarray, rows: int, bilateral_rows: int, patterns: Patterns = DENSE) -> "cp.Problem":
-    """`model` with the Newton metric A as a parameter."""
+    """Return `model` with the Newton metric A as a parameter."""
     return _linearization(mass, rows, bilateral_rows, patterns, newton=True)
 
 

@@ -1,4 +1,4 @@
-"""A subproblem's cvxpy models, compiled by shape, that answer the programs a kernel hands over."""
+"""A subproblem's cvxpy models, compiled by shape, which solve the programs that kernels hand over."""
 
 import time
 from collections.abc import Callable
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     Model = Callable[[np.ndarray, int, int, Patterns], cp.Problem]
 
 MOST_ENTRIES = 4_000_000
-PATTERNS = 4  # compiled for sparse matrices and kept
+PATTERNS = 4  # sparse problems that are kept compiled
 _ACCEPTED = 1e3  # an answer whose residual exceeds this many tolerances stops the run
 _SIZES = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 
@@ -36,28 +36,28 @@ class ProgramSolver:
 
     ``minimize ½ zᵀA z − wishᵀz  subject to  N z ≥ b (λ ≥ 0),  F z = c (ν)``, so that ``A z − wish = Nᵀλ + Fᵀν``.
 
-    Kernels pose it in z = √M v / s with s a speed of the problem at hand, and rows of unit length, so that a tolerance
-    means the same in any units and for any masses: with A = M the model's masses are all one. Of equality rows that
-    depend on each other solvers see an independent set. Problems are compiled once for each number of variables and
+    Kernels pose it in z = √M v / s, where s is a speed of the problem at hand, and with rows of unit length, so that a
+    tolerance means the same in any units and for any masses: with A = M the model's masses are all one. Solvers get an
+    independent set of the equality rows. Problems are compiled once for each number of variables, each number of
     equalities and each padded number of inequality rows.
 
-    Large programs are handed over sparse, where the backend takes them so. Then all equality rows are: solvers that
-    factorize sparse matrices shift or perturb singular ones, and residuals tell whether that went well. Problems are
-    compiled for a pattern of entries, and the last few are kept.
+    Large programs are handed over as sparse matrices to backends that take them. They have all equality rows: solvers
+    that factorize sparse matrices shift or perturb singular ones, and residuals show whether that succeeded. These
+    problems are compiled for a pattern of entries, and the last few are kept.
 
     Parameters
     ----------
     subproblem : int
         Index into `SUBPROBLEMS`.
     model, newton_model : callable
-        ``model(mass, rows, bilateral_rows, patterns)`` returns the `cvxpy.Problem`, `deli.subproblems.rows.Patterns`
-        being optional; the second has the metric as a parameter.
+        ``model(mass, rows, bilateral_rows, patterns)`` returns the `cvxpy.Problem`; the patterns
+        (`deli.subproblems.rows.Patterns`) are optional. The second model has the metric as a parameter.
     program : Program
-        Where kernels leave the data and find the answer.
+        The arrays in which kernels leave the data and find the answer.
     choice : SolverChoice
     stats : StepStats
     measured : bool
-        Whether the residuals of each solve are the subproblem's own and so recorded.
+        Whether the residuals of each solve are those of the subproblem, and are recorded.
     skip : bool
         Whether equality rows alone are answered by a linear solve.
     """
@@ -90,7 +90,7 @@ class ProgramSolver:
             self._try()
 
     def bind(self, program: Program) -> None:
-        """Answer programs in these arrays from now on."""
+        """Solve the programs in these arrays from now on."""
         self.program = program
         self._record = Record(PROGRAM, program)
 
@@ -100,7 +100,7 @@ class ProgramSolver:
         Raises
         ------
         StepError
-            When no answer within a thousand tolerances was found, or the backend raises something.
+            If no answer within a thousand tolerances is found, or if the backend raises an exception.
         """
         program, free = self.program, rows - equalities
         if rows > LARGEST_DENSE and not newton and self._natively(size, equalities, rows):
@@ -121,16 +121,16 @@ class ProgramSolver:
             program.y[equalities:rows] = next(duals)[:free]
         program.y[:equalities] = 0.0
         if kept.size:
-            # cvxpy's multiplier of an equality has the opposite sign.
+            # cvxpy's multipliers of equalities have the opposite sign.
             program.y[kept] = -next(duals)
 
     def pose(self, size: int, equalities: int, rows: int, newton: bool) -> "tuple[solvers.CompiledProblem, np.ndarray]":
-        """Write the data of the program at hand into its compiled problem; also return which equality rows that has.
+        """Return the compiled problem with the data of the program at hand, and the numbers of its equality rows.
 
         Raises
         ------
         StepError
-            Where the matrix is dense and too large.
+            If the matrix is dense and too large.
         """
         if rows > LARGEST_DENSE and not newton and self._takes_sparse:
             compiled, kept = self._hand_over_sparse(size, equalities, rows), np.arange(equalities)
@@ -142,14 +142,14 @@ class ProgramSolver:
     def _hand_over(
         self, size: int, equalities: int, rows: int, newton: bool
     ) -> "tuple[solvers.CompiledProblem, np.ndarray]":
-        """Write the data of the dense model, without `linear`; also return which equality rows it has."""
+        """Return the dense model with its data, without `linear`, and the numbers of its equality rows."""
         program = self.program
         if rows * size > MOST_ENTRIES:
             raise StepError(
                 f"{SUBPROBLEMS[self._subproblem]}: {rows} constraints on {size} degrees of freedom press at once, too "
                 f"many for {self._choice.backend!r} (at most {MOST_ENTRIES:,} entries of the dense matrix); use a "
-                f"smaller step_size, or a backend that takes it sparse, which none does where an implicit potential "
-                f"makes the metric: {', '.join(solvers.able('sparse'))}."
+                f"smaller step_size, or, unless an implicit potential is in the metric, a backend for sparse matrices: "
+                f"{', '.join(solvers.able('sparse'))}."
             )
         exported = self._exported(rows, size)
         dense, places = exported.fields
@@ -172,7 +172,7 @@ class ProgramSolver:
         return compiled, kept
 
     def _hand_over_sparse(self, size: int, equalities: int, rows: int) -> "solvers.CompiledProblem":
-        """Write the data of the sparse model, without `linear`."""
+        """Return the sparse model with its data, without `linear`."""
         program = self.program
         entries, split = program.start[rows], program.start[equalities]
         start, column = program.start[: rows + 1], program.column[:entries]
@@ -196,7 +196,7 @@ class ProgramSolver:
         return compiled
 
     def _natively(self, size: int, equalities: int, rows: int) -> bool:
-        """Solve a large program over sparse factors, where a linear solve or the native backend is to answer it."""
+        """Solve a large program with sparse factors if it is a linear solve or the native backend's; return success."""
         linear = self._skip and equalities == rows
         if not (linear or self._choice.backend in NATIVE):
             return False
@@ -213,9 +213,10 @@ class ProgramSolver:
         return True
 
     def project_sparse(self, size: int, equalities: int, rows: int) -> tuple[int, tuple[float, float, float], float]:
-        """Write z and y of the program at hand, solved over sparse factors by the native active-set method.
+        """Solve the program at hand with sparse factors by the native active-set method, and write z and y.
 
-        Returns its iterations, the residuals, and the seconds that it took without them. The metric is the identity.
+        Returns the iterations, the residuals, and the seconds of the solve without the residuals. The metric is the
+        identity.
         """
         program, began = self.program, time.perf_counter()
         entries = program.start[rows]
@@ -232,7 +233,7 @@ class ProgramSolver:
         return iterations, residuals, solved - began
 
     def _try(self) -> None:
-        """Solve a trivial problem, so that what a backend does not accept is refused before a run starts."""
+        """Solve a trivial problem, so that options which a backend does not accept are refused before a run starts."""
         try:
             compiled = self._compile(False, 1, 1, 0)
             for view in compiled.parameters.values():

@@ -1,7 +1,7 @@
 """Momentum projection (7.5, 7.6, 7.9): momentum returns to the cotangent space of the constraints that stay active.
 
-With equality rows only one linear solve answers it exactly, and the model is solved only where ``skip`` is false.
-Inequality rows are those of methods whose contacts have a law of restitution in the velocities.
+If there are only equality rows, one linear solve is the exact answer, and the model is solved only if ``skip`` is
+false. Inequality rows occur in methods whose contacts have a law of restitution in the velocities.
 """
 
 from typing import TYPE_CHECKING
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 
 def model(mass: np.ndarray, rows: int, tangent_rows: int, patterns: Patterns = DENSE) -> "cp.Problem":
-    """Nearest velocity, in kinetic energy, that is tangent to all smooth and bilateral constraints at x.
+    """Return the model of the nearest velocity, in kinetic energy, tangent to smooth and bilateral constraints at x.
 
     ``minimize ½|v − v̂|²_M  subject to  [N_𝕊(x) F(x)]ᵀv = 0  (μ, ξ)``,  with v̂ = M⁻¹D₂L_d(q, x).
 
-    In the nonsmooth generalized-alpha method v̂ = ṽ, and contacts that x closes add  G(x)ᵀv ≥ −e G(q)ᵀv(q)  (Λ ≥ 0).
+    In the nonsmooth generalized-alpha method v̂ = ṽ, and contacts closed at x add  G(x)ᵀv ≥ −e G(q)ᵀv(q)  (Λ ≥ 0).
     """
     import cvxpy as cp
 

@@ -1,4 +1,4 @@
-"""Generalized reflection (6.6-6.9, Algorithms 2 and 3): approaching contacts turn back at no cost in energy.
+"""Generalized reflection (6.6-6.9, Algorithms 2 and 3): approaching contacts separate, and energy is conserved.
 
 The models of one pass; the passes are in `deli.kernels.reflection`.
 """
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 OPERATORS = ("generalized", "moreau", "sequential")
 ORDERS = ("index", "fastest")
 SELECTIONS = (("generalized", "index"), ("moreau", "index"), ("sequential", "index"), ("sequential", "fastest"))
-"""Operator and order by the number that kernels know them by; only one contact at a time has an order."""
+"""Operator and order by their number in kernels; only the sequential operator has an order."""
 SHADOWS = {"shadow2": 2, "shadow4": 4, "shadow6": 6, "shadow8": 8}
 """Orders of the shadow energies, by name."""
 ENERGIES = ("hamiltonian", "numerical", *SHADOWS)
 
 
 def model(mass: np.ndarray, rows: int, bilateral_rows: int, patterns: Patterns = DENSE) -> "cp.Problem":
-    """Algorithm 2, line 9, with E = H: the nearest velocity to 2v that approaches no contact of 𝕍.
+    """Return the model of Algorithm 2, line 9, with E = H: the nearest velocity to 2v that approaches no contact of 𝕍.
 
     ``minimize ½|v* − 2v|²_M  subject to  G_𝕍ᵀv* ≥ 0 (λ),  Fᵀv* = 0 (ν)``,  then p⁺ = p + G_𝕍λ + Fν.
 
@@ -33,7 +33,7 @@ def model(mass: np.ndarray, rows: int, bilateral_rows: int, patterns: Patterns =
 
 
 def numerical_model(mass: np.ndarray, rows: int, bilateral_rows: int, patterns: Patterns = DENSE) -> "cp.Problem":
-    """The same for an energy ½pᵀWp (theory: second-order numerical Hamiltonians), in the metric A = W⁻¹.
+    """Return the model for an energy ½pᵀWp (theory: second-order numerical Hamiltonians), in the metric A = W⁻¹.
 
     ``minimize ½|u − 2Wp|²_A  subject to  Ĝ_𝕍ᵀu ≥ 0 (λ)``,  then p⁺ = p + Ĝ_𝕍λ, where Ĝ_𝕍 is projected as in (7.7).
     """
@@ -53,7 +53,7 @@ def _projection(
     constraints = []
     if rows:
         gradients = matrix("gradients", rows, dof, patterns[0])
-        bounds = cp.Parameter(rows, name="bounds")  # zero, but for the rows that pad
+        bounds = cp.Parameter(rows, name="bounds")  # zero, except in padding rows
         constraints.append(gradients @ velocity >= bounds)
     if bilateral_rows:
         bilateral = matrix("bilateral", bilateral_rows, dof, patterns[1])

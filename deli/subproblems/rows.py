@@ -1,4 +1,4 @@
-"""What the models of the subproblems share: a metric and rows, dense or of a given pattern."""
+"""Shared parts of the subproblems' models: a metric, and rows that are dense or of a given pattern."""
 
 from typing import TYPE_CHECKING
 
@@ -9,10 +9,10 @@ if TYPE_CHECKING:
     import cvxpy as cp
 
 Pattern = tuple[np.ndarray, np.ndarray] | None
-"""Row and column of every entry that can be nonzero; None where all can."""
+"""Rows and columns of the entries that can be nonzero; None if all entries can."""
 
 Patterns = tuple[Pattern, Pattern]
-"""Of the inequality rows and of the bilateral ones."""
+"""Patterns of the inequality rows and of the bilateral rows."""
 
 LARGEST_DENSE = 150  # rows beyond which a sparse solve is faster than a dense one
 
@@ -20,24 +20,24 @@ DENSE: Patterns = (None, None)
 
 
 def constant_metric(mass: np.ndarray) -> sparse.dia_array:
-    """The masses on a diagonal."""
+    """Return the diagonal matrix of the masses."""
     return sparse.diags_array(mass)
 
 
 def matrix(name: str, rows: int, dof: int, pattern: Pattern) -> "cp.Parameter":
-    """Rows as a Parameter."""
+    """Return a Parameter for a matrix of rows."""
     import cvxpy as cp
 
     return cp.Parameter((rows, dof), sparsity=pattern or False, name=name)
 
 
 def find_patterns(start: np.ndarray, column: np.ndarray, equalities: int) -> tuple[np.ndarray, Patterns]:
-    """Patterns of compressed rows, the first of which are equalities.
+    """Return the patterns of compressed rows, of which the first are equalities.
 
     Returns
     -------
     order : array
-        Of their entries, as sparse Parameters hold them: row by row, column by column.
+        Order of the entries in sparse Parameters: row by row, and column by column in each row.
     patterns : Patterns
     """
     rows, split = start.size - 1, start[equalities]

@@ -1,4 +1,4 @@
-"""What the subproblems of a step cost and how well they were solved."""
+"""Statistics of the subproblems of a step: their cost and their residuals."""
 
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 SKIPPED, SOLVED, INACCURATE, FAILED, UNUSED = 0, 1, 2, 3, 4
 STATUS_MEANINGS = ("skipped", "solved", "inaccurate", "failed", "not_used")
-_SEVERITY = (1, 2, 3, 4, 0)  # of each status above: what a step reports is the worst it met
+_SEVERITY = (1, 2, 3, 4, 0)  # of each status above: a step reports the worst one
 
 COUNTS = ("solves", "skipped", "iterations", "rows", "fallbacks", "claimed", "verified")
 TIMES = ("solve_time", "overhead_time")
@@ -21,30 +21,29 @@ RESIDUALS = ("primal_residual", "dual_residual", "complementarity")
 class StepStats:
     """Statistics by subproblem (reflection, position, projection) since the last `reset`.
 
-    They are of the work that was done: of all attempts at a step, those that a closed loop or a search for an event
-    discards included, and of steps that failed. Contacts are those of the steps as they were taken. A step that begins
-    anew because neighbours have to be searched farther counts once, so that a run has the same statistics wherever it
-    is resumed.
+    They count all work: all attempts at a step, including those that a closed loop or a search for an event discards,
+    and steps that failed. Contacts are counted in taken steps only. A step that begins anew because neighbours are
+    searched farther counts once, so that a resumed run has the same statistics.
 
     Attributes
     ----------
     solves, skipped, iterations, rows, fallbacks, claimed, verified : (3,) int64 arrays
-        Solver calls, subproblems answered without one, the solver's iterations, constraint rows handed to it, members
-        of a chain that failed before one succeeded, solves that the solver calls solved, and those whose recomputed
-        residuals say so.
+        Solver calls, subproblems answered without a solver, iterations of solvers, constraint rows handed to solvers,
+        members of a chain that failed before one succeeded, solves that the solver reports as solved, and solves whose
+        recomputed residuals confirm it.
     solve_time, overhead_time : (3,) float64 arrays
-        Seconds inside the solver, and in writing its data, reading its answer and checking it.
+        Seconds inside the solver, and seconds for writing its data, reading its answer and checking it.
     primal_residual, dual_residual, complementarity : (3,) float64 arrays
-        Largest scaled residuals, nan where none was measured. For the position update they are those of the
-        nonlinear system (7.3, 7.4, 7.8) and not of the last convex program on the way to it.
+        Largest scaled residuals, nan if none was measured. For the position update they are those of the nonlinear
+        system (7.3, 7.4, 7.8), and not those of the last convex program in its solution.
     status : (3,) int64 array
-        The worst that happened: an index into `STATUS_MEANINGS`.
+        The worst status, an index into `STATUS_MEANINGS`.
     """
 
     def __init__(self) -> None:
-        from deli.kernels.work import Tally  # loads the compiler, which the names above do without
+        from deli.kernels.work import Tally  # loads the compiler, which the constants above do not need
 
-        # Apart from what the steppers of other threads write to, which processors would keep from this one.
+        # Padded, so that no other thread's stepper writes to the same cache lines.
         counts, times, residuals, status, contacts = np.split(np.zeros(74, dtype=np.int64)[16:58], (21, 27, 36, 39))
         self.tally = Tally(
             counts.reshape(len(COUNTS), len(SUBPROBLEMS)),
@@ -62,21 +61,21 @@ class StepStats:
 
     @property
     def smooth_contacts(self) -> int:
-        """Size of the smooth set of the last step that was taken."""
+        """Size of the smooth set of the last taken step."""
         return int(self.tally.contacts[0])
 
     @property
     def reflected_contacts(self) -> int:
-        """Contacts that took part in a reflection of a step that was taken, summed over reflections."""
+        """Number of contacts in the reflections of taken steps, summed over reflections."""
         return int(self.tally.contacts[1])
 
     @property
     def native_solves(self) -> int:
-        """Programs solved by compiled code, of all steps ever."""
+        """Number of programs solved by compiled code, in all steps since the stepper was made."""
         return int(self.tally.contacts[2])
 
     def reset(self) -> None:
-        """Forget everything but the size of the smooth set."""
+        """Reset all statistics except the size of the smooth set."""
         tally = self.tally
         tally.counts[:], tally.times[:], tally.residuals[:], tally.status[:] = 0, 0.0, np.nan, UNUSED
         tally.contacts[1] = 0
@@ -105,7 +104,7 @@ class StepStats:
         self._worsen(subproblem, SOLVED)
 
     def add_failure(self, subproblem: int, rows: int) -> None:
-        """Count a program that a backend has no answer to, not even a bad one."""
+        """Count a program to which a backend gave no answer, not even a bad one."""
         self.solves[subproblem] += 1
         self.rows[subproblem] += rows
         self._worsen(subproblem, FAILED)

@@ -140,7 +140,7 @@ def test_without_a_warm_start_a_step_is_a_function_of_the_state() -> None:
 def test_what_is_too_large_for_a_dense_matrix_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(program, "MOST_ENTRIES", 100)
     given, equalities = projection(0)
-    with pytest.raises(deli.StepError, match=r"too many for 'daqp' .* takes it sparse.*: clarabel.*osqp, piqp"):
+    with pytest.raises(deli.StepError, match=r"too many for 'daqp' .* for sparse matrices: clarabel.*osqp, piqp"):
         answer(solver_for(given, backend="daqp"), given, equalities)
     answer(solver_for(given, backend="osqp"), given, equalities)
 
