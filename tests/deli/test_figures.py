@@ -180,7 +180,7 @@ class TestFigures:
 
     def test_swings_are_the_cradle_s(self, small, folder):
         arguments = small(('["position"]', '["swinging_share"]'), ('solution = "bouncing_ball"', ""))
-        refused(call(*arguments), "swings are those of scene newtons_cradle", "found point_mass")
+        refused(call(*arguments), "swings need scene newtons_cradle", "found point_mass")
 
     def test_the_list(self):
         result = call("figures", "--list")
