@@ -291,8 +291,11 @@ def save_replay(data: xr.Dataset, path: str | os.PathLike[str]) -> None:
     --------
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
+    >>> import xarray as xr
     >>> import deli
-    >>> data = deli.replay(backends=["native"], repeat=1)
+    >>> values = {"time": 1e-5, "verified": True, "error": 1e-14}
+    >>> data = xr.Dataset(values, attrs={"title": "one problem", "tolerance": 1e-9, "polish": 1})
+    >>> data = data.expand_dims(problem=1).expand_dims(backend=["native"], axis=-1)
     >>> with TemporaryDirectory() as folder:
     ...     deli.plotting.save_replay(data, Path(folder, "backends.svg"))
     """

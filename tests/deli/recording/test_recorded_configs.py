@@ -59,7 +59,7 @@ def test_of_an_ensemble_it_says_why_not(folder):
     run = deli.simulate_ensemble([deli.scenes.point_mass()] * 2, deli.GVI(), step_size=H, steps=3)
     text = run.attrs["config"]
     assert text.startswith("# This config does not run again: it is of an ensemble of scenes")
-    refused(again(folder, text), "scene.name is 'ensemble', and a run recorded so does not run again")
+    refused(again(folder, text), "scene.name is 'ensemble', and such a recorded run cannot run again")
 
 
 def test_of_a_method_of_ones_own_it_says_why_not(folder):
