@@ -143,7 +143,7 @@ def _named(
         raise InputError(f"{key} {found}; expected a table [{key}] with a name, one of: {', '.join(allowed)}.")
     name = entry.get("name")
     if isinstance(name, str) and name in recorded:
-        raise InputError(f"{key}.name is {name!r}, and such a recorded run cannot run again: {recorded[name]}.")
+        raise InputError(f"{key}.name is {name!r}, and such a recorded run does not run again: {recorded[name]}.")
     if not isinstance(name, str) or name not in allowed:
         raise InputError(unknown(f"{key}.name", name, allowed))
     return str(name)
