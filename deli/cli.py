@@ -40,9 +40,9 @@ def options(
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    """Simulate mechanical systems with contact, record what happens, and compare solvers."""
+    """Simulate mechanical systems with contact, record runs, and compare methods and solvers."""
 
 
 def main() -> None:
-    """Entry point of the `deli` command."""
+    """Run the `deli` command."""
     app()

@@ -1,3 +1,3 @@
-"""What deli costs: the parts of ``deli bench``, one a file."""
+"""The benchmark ``deli bench``: its parts, one a file."""
 
 PARTS = ("steps", "skip", "backends", "scaling", "ensemble", "import")

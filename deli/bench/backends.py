@@ -1,4 +1,4 @@
-"""What a re-solve costs: rebuilt model, cvxpy's own re-solve, the compiled path, and the solver alone."""
+"""The cost of a re-solve: rebuilt model, cvxpy's own re-solve, the compiled path, and the solver alone."""
 
 import time
 import warnings
@@ -16,10 +16,10 @@ from deli.bench.raw import RAW, TOLERANCE, Numbers, standard_form
 from solvers import tolerances
 
 SIZES = ((4, 1, 1.0), (4, 2, 1.0), (18, 20, 1.0), (100, 150, 0.05))
-"""Variables, rows, and share of coefficients that are not zero."""
+"""Sizes of problems: variables, rows, and the share of nonzero coefficients."""
 
 HORIZONS = (4, 10, 20)
-"""Steps of the predictive control of `deli.bench.control`."""
+"""Numbers of steps of the predictive control in `deli.bench.control`."""
 
 USUAL = ("native", "daqp", "piqp", "clarabel", "osqp")
 CONTROLLING = tuple(name for name in USUAL if name != "native")
@@ -45,8 +45,8 @@ def _cases(quick: bool) -> list[tuple[str, Measure]]:
 def measure(backend: str, size: tuple[int, int, float], quick: bool) -> Row:
     """Return a row: one backend on one size of problem, all times medians in microseconds.
 
-    Every solve gets new values of all Parameters. ``adapter`` is the part of a compiled solve spent handing data over
-    and in the solver.
+    Every solve gets new values of all Parameters. ``adapter`` is the part of a compiled solve that passes data to the
+    solver and solves.
     """
     n, rows, density = size
     random = np.random.default_rng(0)
@@ -64,7 +64,7 @@ def measure(backend: str, size: tuple[int, int, float], quick: bool) -> Row:
 
 
 def measure_control(backend: str, horizon: int) -> Row:
-    """Return a row: one backend on predictive control, which is neither rebuilt nor solved raw."""
+    """Return a row: one backend on predictive control, without rebuilt models and without the solver alone."""
     random = np.random.default_rng(0)
     values = [control.draw(random) for _ in range(20)]
     return {**_measure(backend, control.build(horizon), values, 20, 100), "problem": "control"}
@@ -107,7 +107,7 @@ def _measure(
 
 
 def _build(metric: np.ndarray, pattern: np.ndarray, values: Numbers | None = None) -> cp.Problem:
-    """One projection; with values it is a model of constants, built to be solved once."""
+    """Return the model of a projection; with values, a model of constants for one solve."""
     rows, n = pattern.shape
     v = cp.Variable(n, name="velocity")
     if values is not None:
@@ -133,7 +133,7 @@ def _draw(random: np.random.Generator, pattern: np.ndarray) -> Numbers:
 
 
 def _median_time(function: Callable[[Numbers], object], arguments: list[Numbers], repeat: int) -> float:
-    """Median over the arguments in turn, in microseconds; the first round warms up."""
+    """Return the median time over the arguments in turn, in microseconds; the first round is a warm-up."""
     for argument in arguments[:3]:
         function(argument)
     times = []
@@ -157,7 +157,7 @@ def _assign(model: cp.Problem, values: Numbers) -> cp.Problem:
 
 
 def _time_cvxpy(backend: str, pose: Callable[[Numbers], cp.Problem], values: list[Numbers], repeat: int) -> float:
-    """Solve through cvxpy what is posed, nan where it has no interface to the solver or that fails."""
+    """Time solves of posed problems through cvxpy; return nan if cvxpy lacks the solver, or the solver fails."""
     if backend.upper() not in cp.installed_solvers():
         return float("nan")
     settings: dict[str, Any] = tolerances.settings(backend, TOLERANCE)

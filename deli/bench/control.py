@@ -1,4 +1,4 @@
-"""Predictive control: programs of few entries, in which some variables have no curvature of their own."""
+"""Predictive control: sparse programs in which some variables have no curvature of their own."""
 
 import cvxpy as cp
 import numpy as np
@@ -9,7 +9,7 @@ STATES, INPUTS = 4, 2
 
 
 def build(horizon: int) -> cp.Problem:
-    """Steer a linear system to rest within bounds, from the state that is the Parameter ``start``."""
+    """Build the problem of steering a linear system to rest within bounds, from the Parameter ``start``."""
     random = np.random.default_rng(0)
     system = np.eye(STATES) + 0.1 * random.normal(size=(STATES, STATES))
     system /= max(1.0, np.abs(np.linalg.eigvals(system)).max())

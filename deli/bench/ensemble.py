@@ -1,4 +1,4 @@
-"""How many runs at once use the cores of a machine."""
+"""The speed of many runs at once on the cores of a machine."""
 
 import time
 

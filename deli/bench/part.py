@@ -1,11 +1,11 @@
-"""What a part of the benchmark is: cases to measure, and how their rows are shown."""
+"""A part of the benchmark: cases to measure, and the columns of their rows."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 Row = dict[str, Any]
-"""Values by the names of a part's columns; ``failed`` says why a case has none."""
+"""Values by the names of a part's columns; ``failed`` is the reason for a case without values."""
 
 Measure = Callable[[], list[Row]]
 
@@ -17,12 +17,12 @@ class Column:
     Parameters
     ----------
     name : str
-        Of the value in a row.
+        Name of the value in a row.
     heading : str
     form : str
-        Format of a number, such as ``.2f``; text is shown as it is.
+        Format of a number, such as ``.2f``; text is shown unchanged.
     compared : bool
-        Whether an earlier value and the ratio to it are shown beside it.
+        Whether the earlier value and the ratio of the two are shown beside the value.
     """
 
     name: str
@@ -39,15 +39,15 @@ class Part:
     ----------
     name, title : str
     keys : tuple of str
-        Columns that tell rows apart; earlier rows are found by them.
+        Names of the columns that identify a row, also among earlier rows.
     columns : tuple of Column
-        Those of `keys` first.
+        Columns, those of `keys` first.
     cases : callable
-        ``cases(quick)`` returns what is measured: labels, and functions that return rows.
+        ``cases(quick)`` returns the cases: labels, and functions that return rows.
     finish : callable
-        Adds what follows from all rows together.
+        Function that adds values computed from all rows together.
     more : tuple of Column
-        Of a second table, behind the keys.
+        Columns of a second table, after the keys.
     """
 
     name: str
@@ -59,5 +59,5 @@ class Part:
     more: tuple[Column, ...] = ()
 
     def key(self, row: Row) -> tuple[Any, ...]:
-        """Return what tells a row from others."""
+        """Return the values that identify a row."""
         return tuple(row.get(name) for name in self.keys)

@@ -1,4 +1,4 @@
-"""Solvers called on arrays made beforehand, with nothing of deli around them."""
+"""Calls of solvers alone, on arrays made beforehand, without deli."""
 
 from collections.abc import Callable
 from typing import Any
@@ -19,7 +19,7 @@ Call = Callable[[Numbers], object]
 
 
 def standard_form(values: list[Numbers], pattern: np.ndarray) -> list[Numbers]:
-    """Return the arrays that the solvers want, of ``minimize ½ xᵀPx + qᵀx  subject to  A x ≤ u``."""
+    """Return the arrays of ``minimize ½ xᵀPx + qᵀx  subject to  A x ≤ u`` that the solvers take."""
     indices = sparse.csc_matrix(pattern.astype(float))
     cases = []
     for value in values:

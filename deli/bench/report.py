@@ -1,4 +1,4 @@
-"""Tables of results, the earlier ones beside them."""
+"""Tables of results beside earlier results."""
 
 import math
 from typing import Any
@@ -11,7 +11,7 @@ from deli.bench.part import Column, Part, Row
 
 
 def print_part(console: Console, part: Part, now: dict[str, Any], before: dict[str, Any] | None) -> None:
-    """Print a part's rows; where an earlier one is known, its values and the ratios to them."""
+    """Print a part's rows, with the values of earlier rows and the ratios to them if they are known."""
     earlier = {} if before is None else {part.key(row): row for row in before["rows"]}
     keys = tuple(column for column in part.columns if column.name in part.keys)
     for title, columns in ((part.title, part.columns), (None, keys + part.more)):

@@ -1,4 +1,4 @@
-"""Measuring parts, case by case; a case that fails is a row that says so."""
+"""The measurement of parts, case by case; a failed case is a row with the reason."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""What a step costs as the number of bodies grows, each case in a process of its own."""
+"""The cost of a step by the number of bodies, each case in a process of its own."""
 
 import json
 import math

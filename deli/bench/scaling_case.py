@@ -23,7 +23,7 @@ _NUMBER = {
 
 
 def build(name: str, bodies: int) -> Scene:
-    """Return a scene of about so many bodies."""
+    """Return a scene of about the given number of bodies."""
     if name == "disc_pile":
         side = max(2, round(bodies**0.5))
         return get(name)(rows=side, columns=side)
@@ -36,10 +36,10 @@ def measure(name: str, bodies: int, seconds: float) -> Row:
     Parameters
     ----------
     name : str
-        Of the scene.
+        Name of the scene.
     bodies : int
     seconds : float
-        After which no further step is taken.
+        Time after which no further step is taken.
     """
     scene, usual = build(name, bodies), defaults(name)
     step_size = usual["step_size"]
@@ -84,7 +84,7 @@ def _solver_seconds(block: Any, stepper: Any) -> float:
 
 
 def _recording_seconds(stepper: Any, scene: Scene) -> float:
-    """Seconds that writing a row takes, the gaps included."""
+    """Return the seconds to write a row, including the evaluation of gaps."""
     scratch, times = make_block(5, scene.dof, scene.dimension), []
     for _ in range(5):
         began = time.perf_counter()
@@ -94,7 +94,7 @@ def _recording_seconds(stepper: Any, scene: Scene) -> float:
 
 
 def _errors(scene: Scene, diagnostics: np.ndarray, momentum: np.ndarray) -> Row:
-    """Largest errors of all rows, of energy and momentum relative to what there is of them."""
+    """Return the largest errors of all rows; errors of energy and momentum are relative to their magnitudes."""
     energy = diagnostics[:, 0] + diagnostics[:, 1]
     size = max(abs(energy[0]), float(diagnostics[:, 0].max()))
     kept = np.flatnonzero(np.array(scene.symmetry.linear, dtype=bool))

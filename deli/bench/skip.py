@@ -1,4 +1,4 @@
-"""What is gained by answering subproblems that need no solver without one."""
+"""The time saved by answering subproblems without a solver if they need none."""
 
 from typing import Any
 
@@ -33,7 +33,7 @@ def _scene(case: Case, rounds: int, seconds: float) -> list[Row]:
 
 PART = Part(
     name="skip",
-    title="cost of a step with daqp, where skip = true and false",
+    title="cost of a step with daqp, with skip = true and false",
     keys=("scene",),
     columns=(
         Column("scene", "scene"),

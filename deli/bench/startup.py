@@ -1,4 +1,4 @@
-"""How long it takes to get going: imports, help, and a first run."""
+"""The time of a start: imports, help, and a first run."""
 
 import os
 import subprocess
@@ -36,7 +36,7 @@ def _row(what: str, seconds: float) -> Row:
 
 
 def _median(arguments: tuple[str, ...], repeat: int) -> float:
-    """Seconds of a new process, after one that warms up caches."""
+    """Return the median seconds of new processes, after one that warms up caches."""
     _seconds(arguments)
     return float(np.median([_seconds(arguments) for _ in range(repeat)]))
 
@@ -57,6 +57,6 @@ PART = Part(
     name="import",
     title="seconds of a new process",
     keys=("what",),
-    columns=(Column("what", "what"), Column("seconds", "seconds", ".2f", compared=True)),
+    columns=(Column("what", "process"), Column("seconds", "seconds", ".2f", compared=True)),
     cases=_cases,
 )

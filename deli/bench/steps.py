@@ -1,4 +1,4 @@
-"""What a step costs in each scene, with the compiled solver and with others."""
+"""The cost of a step in each scene, with the compiled solver and with other solvers."""
 
 import time
 
@@ -11,7 +11,7 @@ from deli.bench.timing import SCENES, Case, race
 BACKENDS = ("auto", "daqp")
 OTHERS = ("piqp", "clarabel")
 FULL, QUICK = (7, 0.4), (3, 0.05)  # rounds, seconds of one
-_FEW = 0.2  # solves a step below which the cost of one cannot be told
+_FEW = 0.2  # the least number of solves a step from which the cost of one can be computed
 
 
 def _cases(quick: bool) -> list[tuple[str, Measure]]:
@@ -45,7 +45,7 @@ def _scene(case: Case, backends: tuple[str, ...], rounds: int, seconds: float) -
 
 
 class Functions:
-    """The pogo stick as functions of a user's, which count how often they are called."""
+    """The pogo stick as functions of a user, which count their calls."""
 
     def __init__(self) -> None:
         self.calls = {"energy": 0, "gradient": 0, "value": 0, "jacobian": 0}
@@ -74,7 +74,7 @@ class Functions:
         return self._normal
 
     def scene(self) -> deli.Scene:
-        """Return the scene that these functions make."""
+        """Return the scene of these functions."""
         return deli.Scene(
             mass=1.0,
             position=[6.0, 1.0],
@@ -84,7 +84,7 @@ class Functions:
         )
 
     def seconds(self, repeat: int = 2000) -> float:
-        """Seconds that the calls counted so far take by themselves."""
+        """Return the seconds that the calls counted so far take by themselves."""
         total, counted = 0.0, dict(self.calls)
         q = np.array([6.0, 1.0])
         for name, calls in counted.items():

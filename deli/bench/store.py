@@ -1,4 +1,4 @@
-"""Results in a file: by part, each with its date, the versions and the machine."""
+"""The file of results: for each part its date, the versions, the machine and the rows."""
 
 import json
 import math
@@ -17,11 +17,11 @@ FORMAT = 1
 _PACKAGES = ("numpy", "scipy", "numba", "cvxpy", "clarabel", "osqp", "daqp", "piqp")
 
 Results = dict[str, dict[str, Any]]
-"""By part: ``date``, ``versions``, ``machine``, ``quick`` and ``rows``."""
+"""Results by part: ``date``, ``versions``, ``machine``, ``quick`` and ``rows``."""
 
 
 def entry(rows: list[Row], quick: bool) -> dict[str, Any]:
-    """Return rows of a part with where and when they were measured."""
+    """Return rows of a part with the date, the versions and the machine of the measurement."""
     return {
         "date": provenance.now(),
         "versions": {
@@ -36,12 +36,12 @@ def entry(rows: list[Row], quick: bool) -> dict[str, Any]:
 
 
 def machine() -> dict[str, Any]:
-    """Return what is known of this machine."""
+    """Return a description of this machine."""
     return {"platform": platform.platform(), "processor": _processor(), "cores": cores()}
 
 
 def cores() -> int:
-    """Return the number of cores this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -51,7 +51,7 @@ def read(path: Path) -> Results:
     Raises
     ------
     InputError
-        If it holds none.
+        If the file cannot be read, or holds no results of this format.
     """
     try:
         content = json.loads(path.read_text())
@@ -74,7 +74,7 @@ def write(path: Path, parts: Results) -> None:
 
 
 def _finite(value: Any) -> Any:
-    """Replace what JSON has no word for by null."""
+    """Replace numbers that JSON cannot express by null."""
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""Timing steps the way a run takes them: many at once, rows recorded and handed on."""
+"""The timing of steps as a run takes them: many at once, with rows recorded and passed on."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -20,7 +20,7 @@ _CALIBRATION_SECONDS = 0.02
 
 @dataclass(frozen=True)
 class Case:
-    """A scene and how it is stepped.
+    """A scene with its parameters, to be stepped.
 
     Parameters
     ----------
@@ -28,9 +28,9 @@ class Case:
     scene : str
         A scene's name; it runs with its own step size and scheme.
     parameters : mapping
-        Of the scene.
+        Parameters of the scene.
     build : callable, optional
-        Makes the scene in place of the registered function.
+        Function that makes the scene in place of the registered one.
     """
 
     label: str
@@ -39,7 +39,7 @@ class Case:
     build: Callable[[], Scene] | None = None
 
     def runner(self, **keywords: Any) -> "Runner":
-        """Return a runner; keywords as for `deli.simulate`."""
+        """Return a runner with keywords of `deli.simulate`."""
         usual = defaults(self.scene)
         scene = get(self.scene)(**self.parameters) if self.build is None else self.build()
         return Runner(scene, deli.GVI(scheme=usual["scheme"]), usual["step_size"], **keywords)
@@ -61,22 +61,22 @@ SCENES = (
 
 
 class Counter:
-    """Takes rows, and keeps what they cost.
+    """A recorder that drops rows and sums up their costs.
 
     Attributes
     ----------
     solves : int
     solving, touching : int
-        Rows that lead over a solve, and over a contact.
+        Number of rows with a solve, and with a contact.
     solver_seconds, overhead_seconds : float
-        Inside solvers, and in handing data to them.
+        Time inside solvers, and time to pass data to them.
     """
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Set all sums to zero."""
         self.solves = self.solving = self.touching = 0
         self.solver_seconds = self.overhead_seconds = 0.0
 
@@ -93,7 +93,7 @@ class Counter:
 
 
 class Runner:
-    """Steps a scene on, as a run does, without a file.
+    """A run of a scene without a file.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class Runner:
     method : deli.GVI, ...
     step_size : float
     **keywords
-        As for `deli.simulate`.
+        Keywords of `deli.simulate`.
     """
 
     def __init__(self, scene: Scene, method: Any, step_size: float, **keywords: Any) -> None:
@@ -118,11 +118,11 @@ class Runner:
         return tuple(part.copy() for part in self.stepper.state)
 
     def place(self, *state: np.ndarray) -> None:
-        """Go on from this state."""
+        """Continue from the given state."""
         self.stepper.place(*state)
 
     def run(self, steps: int, every: int = EVERY) -> float:
-        """Take steps; return the seconds that this took.
+        """Take steps; return their time in seconds.
 
         Raises
         ------
@@ -142,7 +142,7 @@ class Runner:
         return time.perf_counter() - began
 
     def pace(self) -> float:
-        """Seconds a step takes, roughly, once everything is compiled."""
+        """Return the approximate seconds of a step after compilation."""
         steps = EVERY
         while True:
             seconds = self.run(steps)
@@ -153,14 +153,14 @@ class Runner:
 
 @dataclass(frozen=True)
 class Cost:
-    """What steps cost.
+    """The cost of steps.
 
     Attributes
     ----------
     seconds : float
-        A step, recording every 10th; the median over rounds.
+        Time of a step, with every 10th recorded; the median over rounds.
     solves : float
-        Solves a step.
+        Number of solves a step.
     share : float
         Share of steps with a solve.
     """
@@ -173,8 +173,8 @@ class Cost:
 def race(case: Case, contenders: Mapping[str, Mapping[str, Any]], rounds: int, seconds: float) -> dict[str, Cost]:
     """Time contenders on the same stretches of a trajectory, in turn.
 
-    Every round goes on from where the first contender's last one ended. Each stretch is run twice: at first to count
-    and to compile what it needs, then against the clock.
+    Every round continues from the end of the first contender's last round. Each stretch runs twice: first to count and
+    to compile, then to be timed.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def race(case: Case, contenders: Mapping[str, Mapping[str, Any]], rounds: int, s
         Keywords for `deli.simulate` by name.
     rounds : int
     seconds : float
-        That the slowest contender's round takes.
+        Time of the slowest contender's round.
     """
     runners = {name: case.runner(**keywords) for name, keywords in contenders.items()}
     first = next(iter(runners.values()))

@@ -1,1 +1,1 @@
-"""The command line, one command a file; heavy imports happen when a command runs."""
+"""The commands of the command line, one a file; each imports heavy modules only when it runs."""

@@ -1,4 +1,4 @@
-"""``deli animate``: a recorded run as a film."""
+"""``deli animate``: the film of a recorded run."""
 
 from pathlib import Path
 from typing import Annotated
@@ -17,12 +17,12 @@ def animate(
         Path | None,
         typer.Option("--output", "-o", metavar="GIF|MP4", help="Film to write, .gif or .mp4 (default: FILE.gif)."),
     ] = None,
-    fps: Annotated[float, typer.Option("--fps", help="Frames a second; of a GIF 100 by a whole number.")] = 25.0,
+    fps: Annotated[
+        float, typer.Option("--fps", help="Frames a second; for a GIF, 100 divided by a whole number.")
+    ] = 25.0,
     duration: Annotated[
         float | None,
-        typer.Option(
-            "--duration", metavar="SECONDS", help="Length of the film (default: 10, less if there are few rows)."
-        ),
+        typer.Option("--duration", metavar="SECONDS", help="Length of the film (default: 10, or less for few rows)."),
     ] = None,
     start: Annotated[
         float | None, typer.Option("--start", metavar="T", help="First simulated time to show (default: all).")
@@ -32,17 +32,17 @@ def animate(
     ] = None,
     every: Annotated[
         int | None,
-        typer.Option("--every", metavar="N", help="One frame every N recorded rows, in place of a duration."),
+        typer.Option("--every", metavar="N", help="Make a frame of every N-th recorded row, in place of a duration."),
     ] = None,
     dpi: Annotated[float, typer.Option("--dpi", help="Pixels an inch; the picture is 6.4 inches wide.")] = 100.0,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the film if it exists.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
 ) -> None:
-    """Animate a recorded run: the bodies in their place, the time, and the energy error.
+    """Animate a recorded run: the bodies in their places, the time, and the energy error.
 
-    Frames are equidistant in simulated time. An MP4 needs ffmpeg (`pip install '.[movies]'` in a checkout). Of a
-    scene of your own, which a file does not hold, bodies are points;
-    `deli.plotting.save_animation(run, path, scene)` draws it.
+    Frames are equidistant in simulated time. An MP4 needs ffmpeg (`pip install '.[movies]'` in a checkout). A file does
+    not hold a scene of your own, so that its bodies are drawn as points;
+    `deli.plotting.save_animation(run, path, scene)` draws the scene.
     Exit status: 0 done, 1 writing failed or was interrupted (there is no film then), 2 the input is at fault.
     """
     from deli.plotting import check_movie, save_animation
@@ -78,5 +78,5 @@ def animate(
     console().print(f"Animated in {target}: {span} in {frames} frames, {frames / film.fps:.3g} s", soft_wrap=True)
     if film.misses_motion:
         console().print(
-            "Bodies go to and fro faster than these frames show: end earlier (--end), or play longer (--duration)."
+            "Bodies move to and fro faster than these frames show: end earlier (--end), or play longer (--duration)."
         )

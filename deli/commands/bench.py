@@ -1,4 +1,4 @@
-"""``deli bench``: what deli costs on this machine."""
+"""``deli bench``: the time and memory that deli takes on this machine."""
 
 from pathlib import Path
 from typing import Annotated
@@ -16,11 +16,11 @@ DEFAULT = Path("deli-bench.json")
 def bench(
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[NAME]...", help=f"What to measure: {', '.join(PARTS)} (default: all)."),
+        typer.Argument(metavar="[NAME]...", help=f"Parts to measure: {', '.join(PARTS)} (default: all)."),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Few and short measurements: under a minute in all.")] = False,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="File to store the results in; parts not measured stay in it.")
+        Path, typer.Option("--output", "-o", help="File of the results; parts that are not measured stay unchanged.")
     ] = DEFAULT,
     against: Annotated[
         Path | None,
@@ -28,20 +28,20 @@ def bench(
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress bar.")] = False,
 ) -> None:
-    """Measure what deli costs on this machine, beside what it cost before.
+    """Measure the time and memory that deli takes on this machine, beside earlier results.
 
     - `steps`: microseconds a step of each scene, with the compiled solver and with others
-    - `skip`: the same with every subproblem solved, over `skip = true`
-    - `backends`: a re-solve compiled, by the solver alone, and by `problem.solve()`
-    - `scaling`: time and memory against the number of bodies, and where they go, with the errors made
+    - `skip`: the cost of a step with `skip = false`, over the cost with `skip = true`
+    - `backends`: a re-solve by the compiled path, by the solver alone, and by `problem.solve()`
+    - `scaling`: time and memory by number of bodies, their parts, and the errors
     - `ensemble`: many runs at once, over the ideal of all cores
     - `import`: `import deli`, `deli --help`, and a first run
 
-    Times are medians; close other programs for figures that mean something. Ratios are new over before.
+    Times are medians; close other programs for reproducible times. Ratios are new over earlier.
     """
     unknown = [name for name in names or () if name not in PARTS]
     if unknown:
-        raise InputError(f"{unknown[0]!r} is no part of the benchmark; choose from {', '.join(PARTS)}.")
+        raise InputError(f"{unknown[0]!r} is not a part of the benchmark; allowed: {', '.join(PARTS)}.")
     if output.suffix.lower() != ".json":
         raise InputError(f"output {output}: found the suffix {output.suffix!r}; results are JSON, allowed: .json.")
     if not output.parent.is_dir():

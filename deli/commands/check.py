@@ -1,4 +1,4 @@
-"""``deli check``: is a config runnable, is a recorded file whole and true."""
+"""``deli check``: the check of a config or of a recorded run."""
 
 from pathlib import Path
 from typing import Annotated
@@ -17,10 +17,10 @@ def check(
 ) -> None:
     """Check a config or a recorded run without running anything.
 
-    Of a config: says what would run. Of a run: verifies the schema, the committed rows, that values are finite, and
-    that energies, momenta and gaps follow from the recorded states where the scene is one of deli's own. Of an
-    ensemble: the same of all members, as far as it follows without their scenes. Exit status 2 if something does not
-    hold.
+    For a config, the command prints the run that it describes. For a recorded run, the command verifies the schema, the
+    committed rows, that all values are finite, and, for a scene of deli's own, that energies, momenta and gaps follow
+    from the recorded states. For an ensemble, it verifies the same of all members, except for checks that need their
+    scenes. Exit status: 0 all checks hold, 2 the input is at fault or a check fails.
     """
     from deli.commands.tables import print_plan
 
@@ -46,5 +46,5 @@ def _check_run(file: Path) -> None:
     console().print(table)
     wrong = [finding.what for finding in findings if finding.holds is False]
     if wrong:
-        complain(f"{file} does not hold up: {', '.join(wrong)}.")
+        complain(f"{file} fails these checks: {', '.join(wrong)}.")
         raise typer.Exit(INPUT_AT_FAULT)

@@ -1,4 +1,4 @@
-"""What all commands share: where they print, and how they fail."""
+"""The console of all commands, and their messages and exit statuses at failure."""
 
 import functools
 import io
@@ -22,9 +22,9 @@ Result = TypeVar("Result")
 
 
 def console() -> Console:
-    """Return a console on standard output: words as they are, of a fixed width where that is not a terminal."""
+    """Return a console on standard output, without markup, and of a fixed width unless it is a terminal."""
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # names of files may hold bytes that are no letters
+        sys.stdout.reconfigure(errors="backslashreplace")  # file names may hold bytes that are not text
     terminal = sys.stdout.isatty()
     return Console(file=sys.stdout, highlight=False, markup=False, width=None if terminal else PLAIN_WIDTH)
 
@@ -32,7 +32,8 @@ def console() -> Console:
 def complain(message: object) -> None:
     """Print one message to standard error, on one line of bounded length.
 
-    What a config holds may be in it: what would not be printed, or steer the terminal, is shown as Python writes it.
+    A message may quote a config: characters that cannot be printed, or that control the terminal, are printed as
+    Python's escapes.
     """
     text = str(message)
     if len(text) > LONGEST_MESSAGE:
@@ -43,7 +44,7 @@ def complain(message: object) -> None:
 
 
 class _Spoken(logging.Handler):
-    """Says what is logged as commands say things."""
+    """A handler that prints log messages like messages of commands."""
 
     def emit(self, record: logging.LogRecord) -> None:
         complain(record.getMessage())
@@ -53,12 +54,12 @@ _SPOKEN = _Spoken(logging.WARNING)
 
 
 def guarded(command: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """Turn deli's errors into one message and an exit status: 2 where the input is at fault, 1 where the run is."""
+    """Turn deli's errors into one message and an exit status: 2 for errors of the input, 1 for errors of the run."""
 
     @functools.wraps(command)
     def wrapped(*args: Parameters.args, **keywords: Parameters.kwargs) -> Result:
-        logging.getLogger("deli").addHandler(logging.NullHandler())  # commands say themselves how a run ended
-        for name in LOGGERS:  # but not that something is compiled, and where its code goes
+        logging.getLogger("deli").addHandler(logging.NullHandler())  # commands report the end of a run themselves
+        for name in LOGGERS:  # but not compilation, and the folder of compiled code
             logging.getLogger(name).addHandler(_SPOKEN)
         try:
             return command(*args, **keywords)

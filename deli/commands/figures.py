@@ -1,4 +1,4 @@
-"""``deli figures``: the paper's figures, from their configs."""
+"""``deli figures``: the figures of the paper, from their configs."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,26 +17,26 @@ if TYPE_CHECKING:
 @guarded
 def figures(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[ID]...", help="Which figures, such as 1.4a 8.2c (default: all).")
+        list[str] | None, typer.Argument(metavar="[ID]...", help="Figures, such as 1.4a 8.2c (default: all).")
     ] = None,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for datasets, pictures and recorded runs.")
     ] = Path("figures"),
-    quick: Annotated[bool, typer.Option("--quick", help="Shorter runs: a first look, in seconds.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Make shorter runs: a first look, in seconds.")] = False,
     listing: Annotated[bool, typer.Option("--list", help="List the figures and stop.")] = False,
     configs: Annotated[
         Path | None, typer.Option("--configs", metavar="DIR", help="Folder of figure configs (default: the paper's).")
     ] = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Run anew what is recorded in the folder already.")
+        bool, typer.Option("--overwrite", help="Repeat runs that are recorded in the folder already.")
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
 ) -> None:
-    """Remake figures of the paper: of each, a dataset ID.nc with one group a run, and a picture ID.png.
+    """Remake figures of the paper: for each, a dataset ID.nc with one group a run, and a picture ID.png.
 
-    All configs are checked before anything runs. Runs are recorded in DIR/runs, once where figures share them; what is
-    recorded there is not run again, and what was interrupted is continued. Exit status: 0 done, 1 a run failed (its
-    figure shows what there is), 2 the input is at fault.
+    All configs are checked before anything runs. Runs are recorded in DIR/runs, where figures share them. Recorded runs
+    are not repeated, and interrupted runs are continued. Exit status: 0 done, 1 a run failed (its figure shows the
+    recorded part), 2 the input is at fault.
     """
     from deli.figures import CONFIGS, Maker, load_folder
     from deli.running.interrupts import Interrupted

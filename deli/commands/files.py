@@ -1,4 +1,4 @@
-"""Kinds of files that commands take, and one sentence for a file that is given to another command."""
+"""Kinds of files that commands take, and the message about a file of another kind."""
 
 import stat
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ CONFIG_KEYS = {"scene", "method", "step_size", "steps", "duration", "skip", "con
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of file: what it is called, and what takes it."""
+    """A kind of file: its name, and the commands that take it."""
 
     name: str
     taken_by: str
@@ -46,14 +46,14 @@ SUFFIXES = {
 
 
 def require_kind(path: Path, command: str, takes: str, *kinds: Kind) -> None:
-    """Refuse a file that is of another kind than a command takes.
+    """Refuse a file of another kind than a command takes.
 
-    What is missing, unreadable or of no known kind passes: the command's own reader says more of it.
+    A file that is missing, unreadable or of unknown kind passes, because the command's own reader says more about it.
 
     Raises
     ------
     InputError
-        Saying what the file is and which command takes it.
+        With the kind of the file and the commands that take it.
     """
     kind = kind_of(path)
     if kind is not None and kind not in kinds:
@@ -61,7 +61,7 @@ def require_kind(path: Path, command: str, takes: str, *kinds: Kind) -> None:
 
 
 def kind_of(path: Path) -> Kind | None:
-    """Tell what a file or a folder is by its name and its beginning; None where that is not known."""
+    """Return the kind of a file or a folder by its name and its beginning, or None if it is unknown."""
     try:
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
@@ -73,7 +73,7 @@ def kind_of(path: Path) -> Kind | None:
         if start == HDF5 or start.startswith(CLASSIC):
             return NETCDF
         return _kind_of_toml(path) if path.suffix == ".toml" else SUFFIXES.get(path.suffix.lower())
-    except (OSError, ValueError):  # the latter of names that no file has
+    except (OSError, ValueError):  # a ValueError comes of an impossible file name
         return None
 
 

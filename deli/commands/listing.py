@@ -1,4 +1,4 @@
-"""``deli scenes``, ``deli methods``, ``deli backends``: what there is to choose from."""
+"""``deli scenes``, ``deli methods``, ``deli backends``: the lists of scenes, methods and backends."""
 
 import dataclasses
 import inspect
@@ -20,7 +20,7 @@ def scenes(
     from deli import scenes as registry
 
     if name is None:
-        table = Table("scene", "what", "step size", "duration", "scheme")
+        table = Table("scene", "description", "step size", "duration", "scheme")
         for known in registry.available():
             paper = registry.defaults(known)
             summary = _first_line(registry.get(known))
@@ -47,7 +47,7 @@ def methods() -> None:
 
     from deli.integrators.registry import METHODS
 
-    table = Table("method", "what", "settings")
+    table = Table("method", "description", "settings")
     for name, method in METHODS.items():
         rows = []
         for field in dataclasses.fields(method):
@@ -62,7 +62,7 @@ def methods() -> None:
 
 @guarded
 def backends() -> None:
-    """List the solvers: installed or not, their versions, and what a tolerance t means to each."""
+    """List the backends with their versions, or how to install them, and the settings that a tolerance t determines."""
     from rich.table import Table
 
     from deli.recording.provenance import backend_version
@@ -72,9 +72,7 @@ def backends() -> None:
 
     table = Table("backend", "version", "a tolerance t sets")
     for chain, members in CHAINS.items():
-        found = (
-            f"those of {', then '.join(members)}: the next one takes over where one fails; others for large programs"
-        )
+        found = f"settings of {', then '.join(members)}: the next one solves if one fails; others solve large programs"
         table.add_row(chain, "-", found)
     for info in known_backends():
         mapping = ", ".join(f"{key} = {factor:g} t" for key, factor in TOLERANCES.get(info.name, {}).items())

@@ -1,4 +1,4 @@
-"""``deli plot``: a recorded run as a picture."""
+"""``deli plot``: the picture of a recorded run."""
 
 from pathlib import Path
 from typing import Annotated
@@ -25,7 +25,7 @@ def plot(
 ) -> None:
     """Draw a recorded run: energy, momenta, gaps and solver residuals over time, beside the trajectory.
 
-    Of an ensemble: of up to eight members a line each, of more their median and range, without trajectories.
+    An ensemble is drawn without trajectories: up to eight members as a line each, more members as median and range.
     """
     from deli.plotting import check_picture, save
     from deli.recording.members import member_of
@@ -36,4 +36,4 @@ def plot(
     check_picture(target, overwrite=overwrite)
     run = open_run(file)
     save(run if member is None else member_of(run, member), target)
-    console().print(f"Drawn into {target}", soft_wrap=True)
+    console().print(f"Drawn in {target}", soft_wrap=True)

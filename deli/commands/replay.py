@@ -1,4 +1,4 @@
-"""``deli replay``: recorded subproblems, solved again by every backend."""
+"""``deli replay``: the comparison of backends on recorded subproblems."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -27,20 +27,23 @@ def replay(
             "--backends",
             "-b",
             metavar="NAME,...",
-            help="Which backends, separated by commas; repeatable (default: all that are installed).",
+            help="Backends, separated by commas; repeatable (default: all installed backends).",
         ),
     ] = None,
     tolerance: Annotated[
-        float, typer.Option("--tolerance", metavar="T", help="Scaled KKT residual that counts as solved.")
+        float, typer.Option("--tolerance", metavar="T", help="Largest scaled KKT residual of a solved problem.")
     ] = 1e-9,
     polish: Annotated[
         bool,
-        typer.Option("--polish/--no-polish", help="Polish answers, as runs do, or take what the backend leaves."),
+        typer.Option("--polish/--no-polish", help="Polish answers, as runs do, or take the answers of the backend."),
     ] = True,
     limit: Annotated[
-        float, typer.Option("--limit", metavar="S", help="Seconds that a problem may take, and that a failure costs.")
+        float,
+        typer.Option("--limit", metavar="S", help="Time limit of a problem in seconds, and the cost of a failure."),
     ] = 1.0,
-    repeat: Annotated[int, typer.Option("--repeat", metavar="N", help="Solves of a problem; times are medians.")] = 5,
+    repeat: Annotated[
+        int, typer.Option("--repeat", metavar="N", help="Number of solves of each problem; times are medians.")
+    ] = 5,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="NC", help="Dataset (netCDF) to write the results to.")
     ] = None,
@@ -54,11 +57,12 @@ def replay(
 ) -> None:
     """Solve recorded subproblems again with every backend, and report verified accuracy and time.
 
-    An answer is verified if its KKT residuals, recomputed, are within the tolerance; what a backend claims is a column
-    of its own. Times are from data to checked answer, polish included. The mean time is a shifted geometric mean in
-    which a problem that was not solved costs the limit. Errors are distances to a solution with residuals of rounding.
+    An answer is verified if its recomputed KKT residuals are within the tolerance; the backend's own claim is in a
+    separate column. Times are from the data to the checked answer, polish included. The mean time is a shifted
+    geometric mean, in which an unsolved problem costs the limit. Errors are distances to a reference solution whose
+    residuals are rounding errors.
 
-    Worst cases are listed by their index in the file: `deli.load_subproblem(FILE, INDEX)` returns one as a cvxpy
+    The worst cases are listed by their index in the file: `deli.load_subproblem(FILE, INDEX)` returns one as a cvxpy
     problem. Exit status: 0 done, 2 the input is at fault.
     """
     from deli.recording.paths import check_output

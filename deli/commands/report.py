@@ -1,4 +1,4 @@
-"""``deli report``: what a study found, as a page."""
+"""``deli report``: the report of a study, as a page."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,11 +21,11 @@ def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A study's folder, finished or not.")],
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
 ) -> None:
-    """Write what a study found: DIR/report.html, a page that needs no other file, and DIR/report.md.
+    """Write the report of a study: DIR/report.html, a page that needs no other file, and DIR/report.md.
 
-    Prints the first heat map as a table, and the findings: sentences computed from the data. The report has these,
-    the plots that the study's file asks for under `[[plots]]` (or a first look), a table of cases, failures by reason,
-    and what ran where. Exit status: 0 done, 2 the input is at fault.
+    The command prints the first heat map as a table, and the findings, which are sentences computed from the data. The
+    report consists of the findings, the plots of the study's file under `[[plots]]` (or a first look), a table of
+    cases, failures by reason, and machines and versions. Exit status: 0 done, 2 the input is at fault.
     """
     from deli.studies.findings import findings
     from deli.studies.opening import open_study
@@ -44,7 +44,7 @@ def report(
 
 
 def _print_map(plot: "HeatMap", study: "xr.Dataset") -> None:
-    """Print a heat map as a table: a row for each place along its y, a block of columns for each panel."""
+    """Print a heat map as a table: a row for each label of its y, a block of columns for each panel."""
     from rich.table import Table
     from rich.text import Text
 
@@ -64,7 +64,7 @@ def _print_map(plot: "HeatMap", study: "xr.Dataset") -> None:
 
 
 def _worst(cases: "xr.Dataset", value: str) -> str:
-    """The metric of largest magnitude of the cases, or how a case stands that has none; excluded ones are no cases."""
+    """Return the largest magnitude of a metric over cases, or the state of an incomplete one; ignore excluded cases."""
     states = [str(state) for state in cases["state"].values.ravel() if state != EXCLUDED]
     unfinished = [state for state in states if state != DONE]
     if not states or unfinished:

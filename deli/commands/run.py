@@ -1,4 +1,4 @@
-"""``deli run``: carry out a config, or a scene as the paper runs it."""
+"""``deli run``: a run of a config, or of a scene as in the paper."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -35,7 +35,7 @@ def run(
         Path | None, typer.Option("--plot", metavar="PNG", help="Also draw the run into this file.")
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Continue an unfinished run; start anew where there is none.")
+        bool, typer.Option("--resume", help="Continue an unfinished run, or start anew if there is none.")
     ] = False,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace the output, and the picture, if they exist.")
@@ -45,10 +45,11 @@ def run(
 ) -> None:
     """Run a config or a scene, and record it.
 
-    A scene given by name runs as in the paper. Exit status: 0 done, 1 the run failed or was interrupted (what was
-    computed is in the file), 2 the input is at fault. Ctrl-C or SIGTERM stop it after the step, or in the middle of one
-    that goes on for five seconds more or gets a second signal. A solver that never returns from its own code hears of
-    neither: SIGQUIT ends that, and the rows committed before are in OUTPUT.partial, for --resume.
+    A scene given by name runs as in the paper. Exit status: 0 done, 1 the run failed or was interrupted (the computed
+    rows are in the file), 2 the input is at fault. Ctrl-C or SIGTERM stops the run after the present step; if the step
+    takes five seconds more, or a second signal comes, the run stops within the step. A solver that never returns from
+    its own code notices no such signal: SIGQUIT ends the process, and the committed rows are in OUTPUT.partial, for
+    --resume.
     """
     from deli.commands.tables import print_plan, print_summary
     from deli.running.interrupts import Interrupted
@@ -84,7 +85,7 @@ def run(
 
 
 def _subproblems(run: "xr.DataTree") -> str:
-    """Say how many subproblems were recorded, and how many left out."""
+    """Return the numbers of recorded and left out subproblems in words."""
     if "subproblems" not in run:
         return ""
     kept, left_out = run["subproblems"].sizes["problem"], int(run["subproblems"]["left_out"])

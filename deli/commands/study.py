@@ -48,12 +48,11 @@ def study(
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
 ) -> None:
-    """Run a study: a base config, and what varies. Open the results with `deli.open_study(DIR)`.
+    """Run a study: a base config, and the keys that vary. Open the results with `deli.open_study(DIR)`.
 
-    A case whose run is there already is not run again, unless its config, deli or a backend it used has changed; one
-    that was interrupted is continued. A case that fails, takes longer or more memory than the study's limits, or is
-    killed, is a row with that outcome and stops no other. Exit status: 0 all cases are done, 1 some are not, 2 the
-    input is at fault.
+    A recorded case is not repeated, unless its config, deli or one of its backends has changed; an interrupted case is
+    continued. A case that fails, exceeds the study's limits of time or memory, or is killed, keeps that outcome and
+    stops no other case. Exit status: 0 all cases are done, 1 some cases are not done, 2 the input is at fault.
 
     A study file:
 
@@ -75,7 +74,7 @@ def study(
         label = "soft"
         scene.stiffness = 1.0
 
-        [[exclude]]                     # what matches is left out
+        [[exclude]]                     # matching cases are left out
         solver = "loose"
         step_size = [0.1, 0.05]
 
@@ -96,9 +95,9 @@ def study(
         [quick]                         # what --quick changes
         base.duration = 1.0
 
-    Also `title`; and where times are to be compared, `workers = 1` and `time_steps = true`: metrics `cpu_time`, of the
-    steps alone, and `recording_time`, of recording them. `"solvers.default.backend" = "installed"` stands for all
-    backends that are.
+    Further keys are `title`, and for comparisons of times `workers = 1` and `time_steps = true`, which adds the metrics
+    `cpu_time`, of the steps alone, and `recording_time`, of their recording. The value "installed" of the axis
+    `"solvers.default.backend"` stands for all installed backends.
     """
     from deli.errors import InputError
     from deli.studies.display import Board, reasons
@@ -128,7 +127,7 @@ def study(
 
 
 def _folder_of(source: Path) -> Path:
-    """The folder that is called like the study, here and nowhere else."""
+    """Return the folder with the name of the study's file, in the current folder."""
     from deli.errors import InputError
 
     if source.stem in ("", ".", ".."):
@@ -154,7 +153,7 @@ def _counted(result: "Result") -> str:
 
 
 def _complain_of(result: "Result", folder: Path, told: Container[str]) -> None:
-    """Print what failed, but for the cases that were told when they ended, and how many."""
+    """Print the failed cases, except cases that were reported at their end, and the number of incomplete cases."""
     from deli.studies.states import DONE, FAILURES
 
     if result.stopped is not None:

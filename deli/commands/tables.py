@@ -1,4 +1,4 @@
-"""Tables that commands print."""
+"""The tables that commands print."""
 
 import math
 from typing import TYPE_CHECKING
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def print_plan(console: Console, plan: Plan) -> None:
-    """Say what a plan would do."""
+    """Print the run that a plan describes."""
     config = plan.config()
     plan.stepper()
     console.print(f"Would run: {provenance.title(config)}", markup=False, soft_wrap=True)
@@ -35,7 +35,7 @@ def print_plan(console: Console, plan: Plan) -> None:
 
 
 def print_summary(console: Console, run: "xr.DataTree") -> None:
-    """Print what a run amounts to."""
+    """Print a summary of a run."""
     from deli import metrics
 
     trajectory, stats = dataset_of(run, TRAJECTORY), dataset_of(run, STATS)
@@ -48,9 +48,11 @@ def print_summary(console: Console, run: "xr.DataTree") -> None:
     _add(table, "energy H(0)", f"{float(trajectory['hamiltonian'][0]):.9g}")
     _add(table, "energy error", f"{found['energy_low']:+.2e} … {found['energy_high']:+.2e}")
     if not math.isnan(found["energy_drift"]):
-        _add(table, "energy drift", f"{found['energy_drift']:+.1e} ± {found['energy_drift_error']:.0e} a unit of time")
+        _add(
+            table, "energy drift", f"{found['energy_drift']:+.1e} ± {found['energy_drift_error']:.0e} per unit of time"
+        )
     errors = [f"{name} {error:.1e}" for name, error in metrics.momentum_errors(run).items()]
-    errors += [f"{name}: not known whether this scene conserves it" for name in metrics.undecided_momenta(run)]
+    errors += [f"{name}: unknown whether this scene conserves it" for name in metrics.undecided_momenta(run)]
     _add(table, "momentum error", ", ".join(errors) or "no component is conserved in this scene")
     if not math.isnan(found["violation_worst"]):
         _add(table, "smallest gap", f"{float(trajectory['gap_min'].min()):+.2e}")
@@ -70,7 +72,7 @@ def print_summary(console: Console, run: "xr.DataTree") -> None:
 
 
 def _add(table: Table, *cells: str) -> None:
-    table.add_row(*(Text(cell) for cell in cells))  # as it is: a message may hold what looks like markup
+    table.add_row(*(Text(cell) for cell in cells))  # literally, because a message may look like markup
 
 
 def _literal(value: object) -> str:

@@ -1,6 +1,6 @@
-"""Configs: TOML in, a checked plan out.
+"""Configs: from TOML to a checked plan.
 
-A config names registered things only; nothing in it is evaluated, imported or unpickled.
+A config names registered scenes, methods and backends only; nothing in it is evaluated, imported or unpickled.
 """
 
 import functools
@@ -35,7 +35,7 @@ class Config:
     Attributes
     ----------
     table : dict
-        What `deli.simulate` gets, in the words of a config file.
+        The arguments of `deli.simulate`, with the keys of a config file.
     """
 
     table: dict[str, Any]
@@ -49,12 +49,12 @@ class Config:
     def plan(self, output: str | Path | None = None, *, resume: bool = False, overwrite: bool = False) -> Plan:
         """Build the scene and the method, and check that the run is possible.
 
-        The run is recorded to `output`, whatever the config names.
+        The run is recorded to `output`, also if the config names another file.
 
         Raises
         ------
         InputError
-            If the scene or the method refuses its numbers, or `deli.simulate` its arguments.
+            If the scene or the method refuses its parameters, or `deli.simulate` its arguments.
         """
         settings = dict(self.table)
         scene, method, record = (dict(settings.pop(name)) for name in ("scene", "method", "record"))
@@ -71,12 +71,12 @@ class Config:
 
 
 def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
-    """Read a TOML file; `overrides` are ``key.path=value`` texts.
+    """Read a config from a TOML file, and apply `overrides` of the form ``key.path=value``.
 
     Raises
     ------
     InputError
-        If the file cannot be read or is not TOML, and for whatever `parse` refuses.
+        If the file cannot be read or is not TOML, or `parse` refuses its table.
     """
     _, table = read_toml(Path(path))
     try:
@@ -88,14 +88,20 @@ def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
 def parse(table: Mapping[str, Any], overrides: Iterable[str] = ()) -> Config:
     """Check a config's table.
 
-    Where step_size, steps and duration or the method's scheme are absent, the scene's own defaults stand in; the method
-    is ``gvi`` unless it is named.
+    The scene's own defaults replace a missing step_size, a missing length (steps or duration) and a missing scheme of
+    the method; the default method is ``gvi``.
 
     Raises
     ------
     InputError
-        For an unknown key, scene, method or backend, a wrong type, or a value out of range, naming the key's path,
-        what was found and what is allowed.
+        For an unknown key, scene, method or backend, a wrong type, or a value out of range, with the key's path, the
+        value found and the values allowed.
+
+    Examples
+    --------
+    >>> from deli.config import parse
+    >>> parse({"scene": "point_mass"}, ["step_size=0.02"]).table["step_size"]
+    0.02
     """
     refuse_unusable(table)
     filled = apply_overrides(expand(table), overrides)
@@ -122,7 +128,7 @@ def parse(table: Mapping[str, Any], overrides: Iterable[str] = ()) -> Config:
 
 
 def _inherited(solvers: dict[str, Any]) -> dict[str, Any]:
-    """Complete choices of single subproblems that name no backend with the default's entries."""
+    """Complete choices of single subproblems without a backend with entries of the default choice."""
     default = solvers.setdefault("default", {"backend": "auto"})
     return {name: choice if "backend" in choice else {**default, **choice} for name, choice in solvers.items()}
 
@@ -130,14 +136,14 @@ def _inherited(solvers: dict[str, Any]) -> dict[str, Any]:
 def _named(
     table: dict[str, Any], key: str, allowed: Collection[str], recorded: Mapping[str, str] = MappingProxyType({})
 ) -> str:
-    """Return an entry's name; `recorded` are names that runs are recorded under and why those do not run again."""
+    """Return an entry's name; `recorded` holds names in records of runs that cannot run again, with the reasons."""
     entry = table.get(key)
     if not isinstance(entry, dict):
         found = "is missing" if entry is None else f"is {entry!r}"
         raise InputError(f"{key} {found}; expected a table [{key}] with a name, one of: {', '.join(allowed)}.")
     name = entry.get("name")
     if isinstance(name, str) and name in recorded:
-        raise InputError(f"{key}.name is {name!r}, and a run recorded so does not run again: {recorded[name]}.")
+        raise InputError(f"{key}.name is {name!r}, and such a recorded run does not run again: {recorded[name]}.")
     if not isinstance(name, str) or name not in allowed:
         raise InputError(unknown(f"{key}.name", name, allowed))
     return str(name)
@@ -145,7 +151,7 @@ def _named(
 
 @functools.lru_cache(maxsize=8)
 def _scene(text: str) -> Scene:
-    """Build a scene once for all configs that share it: scenes do not change."""
+    """Build a scene once for all configs that share it, because scenes are immutable."""
     settings = json.loads(text)
     scene: Scene = _build("scene", scenes.get(settings.pop("name")), settings)
     return scene

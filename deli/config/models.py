@@ -1,4 +1,4 @@
-"""The shape of a config as pydantic models, and refusals in words."""
+"""The shape of a config as pydantic models, and the messages of refusals."""
 
 import dataclasses
 import difflib
@@ -18,7 +18,7 @@ PLAIN_TYPES = (bool, int, float, str)
 
 
 class Table(BaseModel):
-    """A table of a config: every key is known, and numbers are numbers."""
+    """A table of a config, which refuses unknown keys and values of another type."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -35,7 +35,7 @@ def _backend(name: Any) -> Any:
 
 
 def _options(options: Any) -> Any:
-    """Refuse options that name files: a config chooses none but the output."""
+    """Refuse options that name files, because the output is the only file that a config may name."""
     if isinstance(options, dict):
         for name in options:
             if "file" in name.lower():
@@ -44,7 +44,7 @@ def _options(options: Any) -> Any:
 
 
 class SolverTable(Table):
-    """Which backend solves, and how hard it tries."""
+    """The choice of a backend, its tolerance and its options."""
 
     backend: Annotated[str, BeforeValidator(_backend)] = "auto"
     tolerance: float = Field(default=1e-9, gt=0, lt=1)
@@ -54,7 +54,7 @@ class SolverTable(Table):
 
 
 class SolversTable(Table):
-    """Solver choices by subproblem; `default` for those left out."""
+    """Solver choices by subproblem; `default` is the choice for all others."""
 
     default: SolverTable = Field(default_factory=SolverTable)
     reflection: SolverTable | None = None
@@ -64,7 +64,7 @@ class SolversTable(Table):
 
 def _most(value: Any) -> Any:
     if not isinstance(value, int) or (value < 1 and not isinstance(value, bool)):
-        raise PydanticCustomError("unknown", "allowed: true, false, or how many at most, 1 or more")
+        raise PydanticCustomError("unknown", "allowed: true, false, or the largest number of subproblems, 1 or more")
     return value
 
 
@@ -77,7 +77,7 @@ class PerturbationTable(Table):
 
 
 class RecordTable(Table):
-    """How often rows are recorded, to which file (relative to the current directory), and how many subproblems."""
+    """The interval of recorded rows, the file (relative to the current directory), and the number of subproblems."""
 
     every: int = Field(default=1, ge=1)
     output: str | None = None
@@ -85,7 +85,7 @@ class RecordTable(Table):
 
 
 class RunTable(Table):
-    """Everything of a config but its scene and its method."""
+    """The entries of a config except its scene and its method."""
 
     step_size: float = Field(gt=0)
     steps: int | None = Field(default=None, ge=1)
@@ -98,13 +98,13 @@ class RunTable(Table):
 
 @functools.cache
 def config_model(scene: type[Table], method: type[Table]) -> type[Table]:
-    """Return the model of a config, from those of its scene's and its method's tables."""
+    """Return the model of a config from the models of its scene's and its method's tables."""
     return create_model("Config", __base__=RunTable, scene=(scene, ...), method=(method, ...))
 
 
 @functools.cache
 def scene_model(build: Callable[..., Any]) -> type[Table]:
-    """Return the model of a scene's table, from the signature of the function that builds it."""
+    """Return the model of a scene's table from the signature of the function that builds the scene."""
     function = inspect.unwrap(build)
     hints = get_type_hints(function)
     fields: dict[str, Any] = {
@@ -117,7 +117,7 @@ def scene_model(build: Callable[..., Any]) -> type[Table]:
 
 @functools.cache
 def method_model(method: type[Integrator]) -> type[Table]:
-    """Return the model of a method's table, from the fields of its class."""
+    """Return the model of a method's table from the fields of its class."""
     hints, choices = get_type_hints(method), method.CHOICES
     fields: dict[str, Any] = {
         field.name: (Literal[choices[field.name]] if field.name in choices else hints[field.name], field.default)
@@ -138,12 +138,12 @@ Numbers = Annotated[Any, BeforeValidator(_numbers)]
 
 
 def unknown(path: str, found: Any, allowed: Iterable[str]) -> str:
-    """Say that a name is not known."""
+    """Return a message about an unknown name."""
     return f"{path} is {found!r}; {listed(found, allowed)}."
 
 
 def listed(found: Any, allowed: Iterable[str]) -> str:
-    """List what is allowed, with the closest name in front if one is close."""
+    """Return a list of the allowed names, preceded by a similar name if there is one."""
     names = list(allowed)
     close = difflib.get_close_matches(str(found), names, n=1)
     hint = f"did you mean {close[0]!r}? " if close else ""
@@ -151,7 +151,7 @@ def listed(found: Any, allowed: Iterable[str]) -> str:
 
 
 def say(error: ErrorDetails, model: type[BaseModel]) -> str:
-    """Turn one of pydantic's findings into a sentence: key, what was found, what is allowed."""
+    """Return one of pydantic's errors as a sentence: key, value found, values allowed."""
     path = ".".join(str(part) for part in error["loc"])
     if error["type"] == "extra_forbidden":
         *parents, key = error["loc"]
@@ -171,9 +171,9 @@ def _keys(model: type[BaseModel], parents: Iterable[Any]) -> list[str]:
     for parent in path:
         annotation = inner.model_fields[parent].annotation
         if get_origin(annotation) in (dict, list):
-            next(path)  # which entry it is does not matter
+            next(path)  # all entries have the same model
         models = {found.__name__: found for found in _models(annotation)}
-        if len(models) > 1:  # which are told apart by their kinds
+        if len(models) > 1:  # the kind selects the model
             kind = next(path)
             models = {name: found for name, found in models.items() if found.model_fields["kind"].default == kind}
         (inner,) = models.values()
@@ -181,7 +181,7 @@ def _keys(model: type[BaseModel], parents: Iterable[Any]) -> list[str]:
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Models within an annotation."""
+    """Yield the models within an annotation."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):

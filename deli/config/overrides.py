@@ -1,4 +1,4 @@
-"""Changing a config's table: short forms spelled out, ``key.path=value`` overrides."""
+"""Changes of a config's table: expansion of short forms, and ``key.path=value`` overrides."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -16,8 +16,8 @@ EXCLUSIVE = {"steps": "duration", "duration": "steps"}
 def expand(table: Mapping[str, Any]) -> dict[str, Any]:
     """Return a copy with tables in place of short forms.
 
-    These are ``scene = "pogo_stick"``, ``method = "gvi"``, ``solvers = "osqp"``, ``solvers = {backend = "osqp"}``,
-    and names in place of tables for single subproblems.
+    Short forms are ``scene = "pogo_stick"``, ``method = "gvi"``, ``solvers = "osqp"``,
+    ``solvers = {backend = "osqp"}``, and names in place of tables for single subproblems.
     """
     copy = {key: _copied(value) for key, value in table.items()}
     for key, inner in SHORT_FORMS.items():
@@ -60,10 +60,10 @@ def apply_overrides(table: dict[str, Any], overrides: Iterable[str]) -> dict[str
 
 
 def assign(table: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key of a table whose short forms are spelled out, and keep them so.
+    """Set a dotted key of a table without short forms, such that the result has none either.
 
-    A table is merged into what is there, unless it says what it is (a scene's or method's ``name``, a solver's
-    ``backend``): then it takes its place.
+    A table as value is merged into the present table, or replaces it if the value has an identity of its own: the
+    ``name`` of a scene or a method, or the ``backend`` of a solver.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""TOML in: files of a bounded size, and tables of bounded depth with nothing in them that a config cannot mean."""
+"""Reading of TOML: files of bounded size, and tables of bounded depth with values that a config can use."""
 
 import math
 import re
@@ -13,26 +13,26 @@ from typing import Any
 from deli.errors import InputError
 
 MOST_BYTES = 16_000_000
-"""Of a file: it takes half a minute to read."""
+"""The largest size of a file, which takes half a minute to read."""
 MOST_DEPTH = 32
-"""Tables and lists within each other; no config needs ten, and Python's stack holds a thousand."""
+"""The deepest nesting of tables and lists; no config needs ten, and Python's stack holds a thousand."""
 LARGEST_INTEGER = 2**63 - 1
-"""What TOML asks of its readers."""
+"""The largest integer that every reader of TOML has to accept."""
 
 _KEY = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
 _LONG_KEY = re.compile(rf"(?<![\w-])(?:{_KEY}[ \t]*\.[ \t]*){{{MOST_DEPTH}}}")
-"""Reading dotted keys takes a time that grows with the square of their parts."""
+"""A key of too many parts; the time to read a dotted key grows with the square of the number of its parts."""
 _DIGITS = re.compile(r"\d[\d_]{4000,}")
 _WHITE = "\n\t"
 
 
 def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
-    """Read a TOML file; return its text, too.
+    """Read a TOML file; return its text and its table.
 
     Raises
     ------
     InputError
-        If it cannot be read, is no plain file or too large, and for whatever `parse_toml` refuses.
+        If the file cannot be read, is not a plain file or is too large, or `parse_toml` refuses its text.
     """
     text = _text(path)
     try:
@@ -50,9 +50,9 @@ def _text(path: Path) -> str:
     except UnicodeDecodeError as error:
         line = error.object.count(b"\n", 0, error.start) + 1
         raise InputError(f"{path} cannot be read: {error.reason} (at line {line}).") from error
-    except (OSError, ValueError) as error:  # the latter of names that no file has
+    except (OSError, ValueError) as error:  # a ValueError comes of an impossible file name
         raise InputError(f"{path} cannot be read: {error}.") from error
-    why = f"it has {found.st_size:,} bytes, allowed: {MOST_BYTES:,}" if plain else "it is no plain file"
+    why = f"it has {found.st_size:,} bytes, allowed: {MOST_BYTES:,}" if plain else "it is not a plain file"
     raise InputError(f"{path} cannot be read: {why}.")
 
 
@@ -62,7 +62,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If it is none, naming the line, or nested beyond `MOST_DEPTH`.
+        If the text is not TOML, with the line of the error, or if it is nested beyond `MOST_DEPTH`.
     """
     too_long = _LONG_KEY.search(text)
     if too_long is not None:
@@ -81,15 +81,15 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def refuse_unusable(table: Mapping[str, Any]) -> None:
-    """Refuse what TOML can hold and no config can mean, anywhere in a table.
+    """Refuse values that TOML allows and that no config can use, anywhere in a table.
 
-    These are nan and infinity, integers beyond 64 bits, dates and times, control characters in keys and strings (but
-    for line ends and tabs in strings), and nesting beyond `MOST_DEPTH`.
+    Such values are nan and infinity, integers beyond 64 bits, dates and times, control characters in keys and strings
+    (except line ends and tabs in strings), and nesting beyond `MOST_DEPTH`.
 
     Raises
     ------
     InputError
-        Naming the key, what was found and what is allowed.
+        With the key, the value found and the values allowed.
     """
     open_ends: list[tuple[str, Iterator[tuple[Any, Any]]]] = [("", iter(table.items()))]
     while open_ends:
@@ -122,11 +122,11 @@ def _refuse_value(path: str, value: Any) -> None:
                 f"{path} is an integer of {value.bit_length()} bits; allowed: {-LARGEST_INTEGER} to {LARGEST_INTEGER}."
             )
     elif isinstance(value, date | datetime | time):
-        raise InputError(f"{path} is the date or time {value}; a config has none.")
+        raise InputError(f"{path} is the date or time {value}; no key of a config takes one.")
 
 
 def _control(text: str, allowed: str) -> str | None:
-    """The first control character or half of a pair, in words."""
+    """Return the code of the first control character or lone surrogate, or None."""
     if text.isprintable():
         return None
     for letter in text:

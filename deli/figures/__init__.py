@@ -1,4 +1,4 @@
-"""The paper's figures, remade from configs: run, kept as datasets, drawn."""
+"""The paper's figures, remade from configs: runs, datasets and pictures."""
 
 from deli.figures.drawing import draw
 from deli.figures.making import Maker

@@ -1,4 +1,4 @@
-"""How long Newton's cradle keeps its cycle: which balls have the energy that the pulled ones start with."""
+"""The duration for which Newton's cradle keeps its cycle, from the share of the energy in the swinging balls."""
 
 import numpy as np
 import xarray as xr
@@ -10,32 +10,33 @@ CLEAN = 0.9
 
 
 def swinging_share(scene: Scene, trajectory: xr.Dataset) -> np.ndarray:
-    """Return the share of the energy above rest that the balls at one end have, the end with more, shape (time,).
+    """Return the share of the energy above rest in the balls at one end, the end with more energy, shape (time,).
 
-    These are as many balls as were pulled, with |p_i|²/2m_i + m_i gravity (y_i + length) each. While the cradle keeps
-    its cycle they have all of it, except while a blow is handed on from one step to the next.
+    The balls at an end are as many as were pulled, with the energy |p_i|²/2m_i + m_i gravity (y_i + length) each. While
+    the cradle keeps its cycle, the share is one, except while an impact passes through the balls over several steps.
 
     Parameters
     ----------
     scene
         A `newtons_cradle`.
     trajectory
-        Group ``trajectory`` of its run, with all momenta.
+        Group ``trajectory`` of the scene's run, with all momenta.
 
     Raises
     ------
     InputError
-        If the scene is another, or no ball was pulled.
+        If the scene is not a `newtons_cradle`, or no ball was pulled.
     """
     share: np.ndarray = _ends(scene, _energies(scene, trajectory)).max(axis=1)
     return share
 
 
 def clean_swings(scene: Scene, trajectory: xr.Dataset, least: float = CLEAN) -> int:
-    """Return how many swings the cradle begins with that are clean.
+    """Return the number of clean swings at the beginning of the run.
 
-    A swing is clean if at its turning point, where the potential energy is largest, the balls of the end whose turn it
-    is have at least the share ``least`` of the energy above rest. The start is the first swing; a cycle has two.
+    The two ends swing in turn. A swing is clean if the balls of its end have at least the share ``least`` of the energy
+    above rest at the turning point, where the potential energy is largest. The start is the first swing; a cycle has
+    two swings.
 
     Raises
     ------
@@ -53,13 +54,13 @@ def clean_swings(scene: Scene, trajectory: xr.Dataset, least: float = CLEAN) -> 
 
 
 def check_cradle(scene: Scene) -> None:
-    """Refuse what is no cradle that swings, with an InputError."""
+    """Refuse a scene other than a `newtons_cradle` with a pulled ball, with an InputError."""
     if scene.name != "newtons_cradle" or not scene.parameters["pulled"]:
-        raise InputError(f"swings are those of scene newtons_cradle with a ball that is pulled; found {scene.name}.")
+        raise InputError(f"swings need scene newtons_cradle with a pulled ball; found {scene.name}.")
 
 
 def _energies(scene: Scene, trajectory: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Potential energies above rest and kinetic ones, shape (time, balls)."""
+    """Return the potential energies above rest and the kinetic energies, shape (time, balls)."""
     check_cradle(scene)
     shape = (-1, scene.bodies, scene.dimension)
     height = trajectory["position"].values.reshape(shape)[..., 1] + scene.parameters["length"]

@@ -1,4 +1,4 @@
-"""Figures from their datasets: panels over time, or bodies in space."""
+"""Pictures of figures from their datasets: panels over time, or bodies in space."""
 
 import math
 import tomllib
@@ -48,7 +48,7 @@ def _draw_panels(config: FigureConfig, data: xr.DataTree) -> Figure:
         _draw_panel(axes, panel, config.table.runs, data)
     column[-1].set_xlabel("time [T]")
     end = max(float(dataset_of(data, run)["time"][-1]) for run in config.table.runs)
-    if end > 0.0:  # or else the first step failed
+    if end > 0.0:  # zero if the first step failed
         column[-1].set_xlim(0.0, end)
     figure.align_ylabels(column)
     return figure
@@ -77,7 +77,7 @@ def _draw_panel(axes: Axes, panel: PanelTable, runs: Mapping[str, DrawnRunTable]
 
 
 def _reservations(shown: xr.Dataset) -> str:
-    """Return what a line would not tell of its run: that most steps are not recorded, or that it ended early."""
+    """Return remarks on a run that its line does not show: the interval of recorded steps, and an early end."""
     words = []
     if (every := tomllib.loads(shown.attrs["config"])["record"]["every"]) > 1:
         words.append(f"one step in {every}")
@@ -87,7 +87,7 @@ def _reservations(shown: xr.Dataset) -> str:
 
 
 def _set_limits(axes: Axes, panel: PanelTable) -> None:
-    """Set the limits of the values as told, or so that what is constant to rounding looks constant."""
+    """Set the panel's limits of the values, or limits in which values that are constant to rounding look constant."""
     low, high = axes.dataLim.intervaly
     scale = max(abs(low), abs(high))
     if panel.limits is not None:
@@ -140,7 +140,7 @@ def _draw_snapshots(data: xr.DataTree) -> Figure:
 
 
 def _bodies(data: xr.DataTree) -> tuple[Scene, np.ndarray, np.ndarray]:
-    """Return the scene, the times and the bodies' places, shape (time, bodies, dimension), of a view's only run."""
+    """Return the scene, the times and the bodies' places, shape (time, bodies, dimension), of the run of a view."""
     (name,) = data.children
     shown, config = dataset_of(data, name), tomllib.loads(data.children[name].attrs["config"])
     scene = scenes.get(config["scene"].pop("name"))(**config["scene"])
@@ -148,7 +148,7 @@ def _bodies(data: xr.DataTree) -> tuple[Scene, np.ndarray, np.ndarray]:
 
 
 def _spaces(figure: Figure, rows: int, columns: int, scene: Scene) -> list[Any]:
-    """Return axes for the plane or for space, with the same limits."""
+    """Return axes in the plane or in space, with common limits."""
     space: Any = {"subplot_kw": {"projection": "3d"}} if scene.dimension == 3 else {}
     found = list(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False, **space).flat)
     for axes in found:

@@ -1,4 +1,4 @@
-"""Motions that are known in closed form, to draw beside integrated ones or to measure them by."""
+"""Motions in closed form, to draw beside integrated motions or to measure their errors."""
 
 from collections.abc import Callable
 
@@ -9,12 +9,12 @@ from deli.mechanics.scene import Scene
 
 
 def bouncing_ball(scene: Scene, time: np.ndarray) -> np.ndarray:
-    """Return the height of `point_mass` over time, shape (time, 1): parabolas of equal height, end to end.
+    """Return the height of `point_mass` over time, shape (time, 1): consecutive parabolas of equal height.
 
     Raises
     ------
     InputError
-        If the scene is another.
+        If the scene is not a `point_mass`.
     """
     _check(scene, "bouncing_ball", "point_mass")
     gravity = scene.parameters["gravity"]
@@ -28,14 +28,14 @@ def bouncing_ball(scene: Scene, time: np.ndarray) -> np.ndarray:
 def passing_points(scene: Scene, time: np.ndarray) -> np.ndarray:
     """Return the positions of `hard_rods` over time, shape (time, rods): free points in their order (Jepsen 1965).
 
-    With y_i = q_i − (i + ½) size the rods are points on a line of the free length; where two meet they exchange
-    velocities, and pass through each other but for their names. Positions are therefore sorted, while the velocity of a
-    single rod is known only away from impacts.
+    With y_i = q_i − (i + ½) size, the rods are points on a line of the free length. Two points that meet exchange their
+    velocities, as if they passed through each other and exchanged their names. Positions are therefore the sorted
+    positions of free points; the velocity of a single rod is known only away from impacts.
 
     Raises
     ------
     InputError
-        If the scene is another.
+        If the scene is not `hard_rods`.
     """
     _check(scene, "passing_points", "hard_rods")
     size, rods = scene.parameters["size"], scene.bodies
@@ -56,11 +56,11 @@ def passing_points(scene: Scene, time: np.ndarray) -> np.ndarray:
 
 def _check(scene: Scene, solution: str, of: str) -> None:
     if scene.name != of:
-        raise InputError(f"solution '{solution}' is that of scene {of}; found {scene.name}.")
+        raise InputError(f"solution '{solution}' belongs to scene {of}; found {scene.name}.")
 
 
 SOLUTIONS: dict[str, Callable[[Scene, np.ndarray], np.ndarray]] = {
     "bouncing_ball": bouncing_ball,
     "passing_points": passing_points,
 }
-"""Closed forms by the name they have in a figure's config."""
+"""Closed forms by their names in a figure's config."""

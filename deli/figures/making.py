@@ -1,4 +1,4 @@
-"""From a figure's config to its dataset and its picture, by way of recorded runs."""
+"""The making of a figure's dataset and picture from its config, with recorded runs."""
 
 import dataclasses
 import hashlib
@@ -34,20 +34,20 @@ RUN_ATTRIBUTES = (
     "end",
     "wall_time",
 )
-"""What a figure's dataset keeps of the attributes of its runs."""
+"""The attributes of runs that a figure's dataset keeps."""
 
 
 class Maker:
-    """Makes figures in a folder: FIGURE.nc, FIGURE.png, and the recorded runs in ``runs``.
+    """A maker of figures in a folder: FIGURE.nc, FIGURE.png, and the recorded runs in ``runs``.
 
-    A run's file is named by its configuration, so figures share runs, and what is recorded is not run again.
+    A run's file is named by its config, so that figures share runs and recorded runs are not repeated.
 
     Parameters
     ----------
     folder : Path
-        Where everything goes; it is made if need be.
+        Folder of all files; it is made if it does not exist.
     quick : bool
-        Whether to run what the configs say under ``quick``.
+        Whether to apply the changes under ``quick`` in the configs.
     overwrite : bool
         Whether to replace runs that an earlier `Maker` recorded.
     progress : bool
@@ -60,13 +60,13 @@ class Maker:
         self._recorded: set[Path] = set()
 
     def plans(self, figure: FigureConfig) -> dict[str, Plan]:
-        """Return what will be run, by the names of the runs.
+        """Return the plans of a figure's runs, by the names of the runs.
 
         Raises
         ------
         InputError
-            For a config that `deli.config.parse` or `deli.simulate` refuses, and if a run does not have what the figure
-            shows of it. Nothing has been computed or written then.
+            If `deli.config.parse` or `deli.simulate` refuses a config, or a run lacks a quantity of the figure. Nothing
+            has been computed or written then.
         """
         plans = {run: figure.run_config(run, quick=self._quick).plan() for run in figure.table.runs}
         for run, plan in plans.items():
@@ -84,14 +84,14 @@ class Maker:
         return plans
 
     def dataset(self, figure: FigureConfig) -> xr.DataTree:
-        """Run what is not recorded yet; return what the figure shows, one group a run, and write it to FIGURE.nc.
+        """Run the missing runs of a figure, and write the dataset of its quantities to FIGURE.nc, one group a run.
 
         Raises
         ------
         InputError
-            For whatever `plans` refuses, and if the folder cannot be made or written to.
+            If `plans` refuses the figure, or the folder cannot be made or written to.
         Interrupted
-            On SIGINT or SIGTERM; what was recorded until then is continued the next time.
+            On SIGINT or SIGTERM; the next call continues from the recorded rows.
         """
         check_name("folder", self._runs)
         try:
@@ -116,7 +116,7 @@ class Maker:
         write_picture(draw(figure, data), self.path(figure, ".png"))
 
     def path(self, figure: FigureConfig, suffix: str) -> Path:
-        """Return where a figure's dataset or picture goes."""
+        """Return the path of a figure's dataset or picture."""
         return self._folder / f"{figure.name}{suffix}"
 
     def _groups(self, figure: FigureConfig) -> Iterator[tuple[str, xr.Dataset]]:
@@ -130,7 +130,7 @@ class Maker:
             yield run, group
 
     def _trajectory(self, plan: Plan) -> xr.Dataset:
-        """Carry out a plan unless that is done; return the trajectory with attributes of the run."""
+        """Carry out a plan unless its run is recorded; return the trajectory with attributes of the run."""
         config = plan.config()
         digest = hashlib.sha256(tomli_w.dumps(config).encode()).hexdigest()[:8]
         output = self._runs / f"{config['scene']['name']}-{config['method']['name']}-{digest}.nc"
@@ -150,7 +150,7 @@ def _shown(figure: FigureConfig, run: str) -> list[str]:
 
 
 def _rows_at(time: np.ndarray, moments: list[float]) -> list[int]:
-    """Return the rows nearest to some moments, each once: a shortened run may end before some."""
+    """Return the rows nearest to the given times, each row once, because a shortened run may end earlier."""
     return list(dict.fromkeys(int(np.abs(time - moment).argmin()) for moment in moments))
 
 

@@ -1,4 +1,4 @@
-"""A figure's config: what it shows, the runs it is made of, and how they are drawn."""
+"""The config of a figure: its quantities, its runs, and their looks."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ Style = Literal["solid", "dashed", "dotted"]
 
 
 class PanelTable(Table):
-    """Quantities over time on axes of their own; of all runs unless some are named."""
+    """Quantities over time on axes of their own, of the named runs (default: all runs)."""
 
     quantities: Annotated[list[Quantity], Field(min_length=1)]
     runs: list[str] | None = None
@@ -32,15 +32,15 @@ class PanelTable(Table):
 
 
 class ViewTable(Table):
-    """The bodies in space: where they are at some times, or all of their paths where no times are given."""
+    """The bodies in space: their places at the given times, or their paths if no times are given."""
 
     times: Annotated[list[float], Field(min_length=1)] | None = None
 
 
 class DrawnRunTable(Table):
-    """One run: a deli config on top of what all runs share, and how it is drawn.
+    """One run: a config that is merged into the common config of all runs, and the looks of its lines.
 
-    With a `solution` nothing is integrated: a closed form is evaluated at the times that the config would record.
+    With a `solution`, a closed form is evaluated at the recorded times of the config, and nothing is integrated.
     """
 
     label: str
@@ -51,10 +51,10 @@ class DrawnRunTable(Table):
 
 
 class FigureTable(Table):
-    """Everything in a figure's config.
+    """The content of a figure's config.
 
-    `claim` is what the paper says that the figure shows, `notes` what it leaves open and what was chosen, `config` what
-    the runs share, `quick` what ``--quick`` changes in each.
+    `claim` is the statement of the paper about the figure, `notes` lists open parameters of the paper and the values
+    chosen here, `config` is common to all runs, and `quick` holds the changes of each run by ``--quick``.
     """
 
     title: str
@@ -78,7 +78,7 @@ class FigureConfig:
     text : str
         The config as it was read.
     table : FigureTable
-        What it says.
+        The content of the config.
     """
 
     name: str
@@ -86,12 +86,12 @@ class FigureConfig:
     table: FigureTable
 
     def run_config(self, run: str, *, quick: bool = False) -> config.Config:
-        """Return the deli config of one of the runs.
+        """Return the config of one of the runs.
 
         Raises
         ------
         InputError
-            For whatever `deli.config.parse` refuses.
+            If `deli.config.parse` refuses the config.
         """
         layers = [self.table.config, self.table.runs[run].config, *([self.table.quick] if quick else [])]
         merged: dict[str, Any] = {}
@@ -110,8 +110,8 @@ def load(path: Path) -> FigureConfig:
     Raises
     ------
     InputError
-        If the file cannot be read or is not TOML, or for a key or value that is not allowed, naming the key's path,
-        what was found and what is allowed. Configs of runs are checked by `FigureConfig.run_config`.
+        If the file cannot be read or is not TOML, or for a key or value that is not allowed, with the key's path, the
+        value found and the values allowed. `FigureConfig.run_config` checks the configs of runs.
     """
     text, found = read_toml(path)
     try:
@@ -121,12 +121,12 @@ def load(path: Path) -> FigureConfig:
 
 
 def load_folder(folder: Path, names: Iterable[str] = ()) -> list[FigureConfig]:
-    """Read the configs of the named figures in a folder, or of all.
+    """Read the configs of the named figures in a folder, or of all figures.
 
     Raises
     ------
     InputError
-        If there is no such figure, and for whatever `load` refuses.
+        If there is no such figure, or `load` refuses a config.
     """
     known = {path.stem: path for path in sorted(folder.glob("*.toml"))}
     if not known:

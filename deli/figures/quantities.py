@@ -1,4 +1,4 @@
-"""What a figure can show over time, from a recorded trajectory."""
+"""The quantities that a figure can show over time, from a recorded trajectory."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ Values = Callable[[Scene, xr.Dataset], xr.Variable]
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity with its symbol, and how it follows from group ``trajectory`` of a run: along time first."""
+    """A quantity: its symbol, its name, and a function of group ``trajectory`` with values along time first."""
 
     symbol: str
     long_name: str

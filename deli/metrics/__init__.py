@@ -1,9 +1,9 @@
-"""What a run is judged by: how well it kept energy, momenta and constraints, and what its solvers cost.
+"""Metrics of a run: errors of energy, momenta and constraints, and the cost of its solvers.
 
-Each function takes a run from `deli.simulate` or `deli.open_run`, and works from its recorded rows alone, so that a run
-that stopped early is measured until where it got. Of an ensemble each takes one member, ``run.isel(member=0)``, or all
-at once: every number is then an array along ``member``. `measure` collects them all. Units are in the scene's own
-length L, mass M and time T, as in the dataset; times of solvers are in seconds.
+Each function takes a run from `deli.simulate` or `deli.open_run` and uses its recorded rows alone. A run that stopped
+early is measured up to its last row. Of an ensemble, each function takes one member, ``run.isel(member=0)``, or all
+members at once; every number is then an array along ``member``. `measure` collects all metrics. Units are the scene's
+own length L, mass M and time T, as in the dataset; times of solvers are in seconds.
 """
 
 from deli.metrics.contact import complementarity, contacts, equality_residual, violation

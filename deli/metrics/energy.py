@@ -1,4 +1,4 @@
-"""What a run did to the energy."""
+"""Range and drift of a run's energy."""
 
 from typing import NamedTuple
 
@@ -15,7 +15,15 @@ DRIFT_BLOCKS = 20
 
 
 class Drift(NamedTuple):
-    """A slope over time and its standard error."""
+    """A slope over time and its standard error.
+
+    Examples
+    --------
+    >>> import deli
+    >>> slope, error = deli.metrics.Drift(slope=1e-6, error=2e-7)
+    >>> abs(slope) > 4 * error
+    True
+    """
 
     slope: float
     error: float
@@ -23,45 +31,84 @@ class Drift(NamedTuple):
 
 @by_member
 def energy_drift(run: xr.DataTree) -> Drift:
-    """Slope of the energy over time and its standard error [M L2 T-3]; see `drift`."""
+    """Return the slope of the energy over time and its standard error [M L2 T-3]; see `drift`.
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.pogo_stick(), deli.GVI(), step_size=0.1, steps=500)
+    >>> slope, error = deli.metrics.energy_drift(run)
+    >>> bool(abs(slope) < 1e-9)
+    True
+    """
     trajectory = dataset_of(run, TRAJECTORY)
     return drift(trajectory["time"].values, trajectory["hamiltonian"].values)
 
 
 @by_member
 def energy_range(run: xr.DataTree) -> tuple[float, float]:
-    """Smallest and largest H - H(0) [M L2 T-2]; the width of the energy band is their difference."""
+    """Return the smallest and the largest H - H(0) [M L2 T-2]; their difference is the energy band.
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.spring_sphere(), deli.GVI(), step_size=0.1, steps=50)
+    >>> low, high = deli.metrics.energy_range(run)
+    >>> f"{low:.1e} to {high:.1e}"
+    '-6.4e-04 to 1.3e-04'
+    """
     energy = dataset_of(run, TRAJECTORY)["hamiltonian"].values
     return float((energy - energy[0]).min()), float((energy - energy[0]).max())
 
 
 @by_member
 def drift_per_impact(run: xr.DataTree) -> float:
-    """Drift of the energy over the whole run by the number of reflected contacts [M L2 T-2]; nan without any.
+    """Return the energy drift over the whole run, divided by the number of reflected contacts [M L2 T-2].
 
-    A reflection moves the energy that a symplectic method nearly conserves: by O(h^2) where it conserves H, by O(h^4)
-    where it conserves the second-order numerical energy.
+    It is nan without reflected contacts. A symplectic method nearly conserves a numerical energy. A reflection that
+    conserves H changes this energy by O(h^2), a reflection that conserves the second-order numerical energy by O(h^4).
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.pogo_stick(), deli.GVI(), step_size=0.1, steps=500)
+    >>> bool(abs(deli.metrics.drift_per_impact(run)) < 1e-9)
+    True
     """
     struck = contacts(run)[1]
     return energy_drift(run).slope * simulated_time(run) / struck if struck else np.nan
 
 
 def drift(time: np.ndarray, energy: np.ndarray) -> Drift:
-    """Slope of the energy over time and its standard error.
+    """Return the slope of the energy over time and its standard error.
 
-    The energy of a symplectic method oscillates, so neighbouring rows are far from independent; the line is fitted
-    to the means of `DRIFT_BLOCKS` blocks and the error comes from their scatter. An error as large as the slope means
-    that no drift is seen.
+    The energy of a symplectic method oscillates, so that neighbouring rows are not independent. The line is therefore
+    fitted to the means of `DRIFT_BLOCKS` blocks, and the standard error is computed from their scatter. A slope no
+    larger than its error is no evidence of a drift.
+
+    Parameters
+    ----------
+    time, energy : numpy.ndarray
+        Shape (rows,).
 
     Returns
     -------
     Drift
-        In units of energy by time; nan where there are fewer than two rows a block.
+        In units of energy by time; nan with fewer than two rows a block.
 
     Raises
     ------
     InputError
         If there is not one energy for each time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import deli
+    >>> time = np.linspace(0.0, 10.0, 200)
+    >>> slope, error = deli.metrics.drift(time, 0.01 * time + 1e-3 * np.sin(40.0 * time))
+    >>> f"{slope:.4f}, error {error:.0e}"
+    '0.0100, error 4e-06'
     """
     if time.shape != energy.shape or time.ndim != 1:
         raise InputError(

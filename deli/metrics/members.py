@@ -1,4 +1,4 @@
-"""Metrics of ensembles: those of the members, along one more dimension."""
+"""Metrics of ensembles: metrics of the members along one more dimension."""
 
 import functools
 from collections.abc import Callable, Sequence
@@ -16,9 +16,9 @@ Result = TypeVar("Result")
 
 
 def by_member(metric: Callable[Parameters, Result]) -> Callable[Parameters, Any]:
-    """Let a metric of a run take an ensemble too, and return for each of its numbers an array along ``member``.
+    """Extend a metric of a run to ensembles: each of its numbers becomes an array along ``member``.
 
-    Other ensembles among the arguments are taken by the same members. A member without any row has nan.
+    Other ensembles among the arguments are split into the same members. A member without rows has nan.
     """
 
     @functools.wraps(metric)
@@ -33,8 +33,8 @@ def by_member(metric: Callable[Parameters, Result]) -> Callable[Parameters, Any]
                 return argument
             if count_members(argument) != members:
                 raise InputError(
-                    f"the reference has {count_members(argument)} members and the run has {members}; pass one of as "
-                    "many, or a single run."
+                    f"the reference has {count_members(argument)} members and the run has {members}; pass a reference "
+                    "with as many members, or a single run."
                 )
             return member_of(argument, member)
 
@@ -54,7 +54,7 @@ def by_member(metric: Callable[Parameters, Result]) -> Callable[Parameters, Any]
 
 
 def _stacked(found: Sequence[Any], run: xr.DataTree) -> Any:
-    """Put what was found of each member, None where nothing was, into arrays along ``member``."""
+    """Put the metrics of the members, None for a member without rows, into arrays along ``member``."""
     known = next(one for one in found if one is not None)
     if isinstance(known, dict | xr.Dataset):
         parts = {name: _stacked([None if one is None else one[name] for one in found], run) for name in known}

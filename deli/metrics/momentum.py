@@ -1,4 +1,4 @@
-"""Which components of the momenta a scene conserves, and how well a run kept them."""
+"""Components of the momenta that a scene conserves, and their errors in a run."""
 
 import numpy as np
 import xarray as xr
@@ -9,19 +9,43 @@ from deli.recording.schema import TRAJECTORY, UNDECIDED, dataset_of
 
 @by_member
 def momentum_error(run: xr.DataTree) -> float:
-    """Largest |p - p(0)| of a component of the linear momentum that the scene conserves [M L T-1]; nan without any."""
+    """Return the largest |p - p(0)| of all conserved components of the linear momentum [M L T-1]; nan if none is.
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.hard_rods(boundary="ring"), deli.GVI(), step_size=0.01, steps=50)
+    >>> bool(deli.metrics.momentum_error(run) < 1e-9)
+    True
+    """
     return _worst_momentum(run, "p")
 
 
 @by_member
 def angular_momentum_error(run: xr.DataTree) -> float:
-    """Largest |L - L(0)| of a component that the scene conserves [M L2 T-1]; nan without any."""
+    """Return the largest |L - L(0)| of all conserved components of the angular momentum [M L2 T-1]; nan if none is.
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.spring_sphere(), deli.GVI(), step_size=0.1, steps=50)
+    >>> bool(deli.metrics.angular_momentum_error(run) < 1e-9)
+    True
+    """
     return _worst_momentum(run, "L")
 
 
 @by_member
 def momentum_errors(run: xr.DataTree) -> dict[str, float]:
-    """Largest deviation from the initial value of each momentum component that the scene conserves."""
+    """Return the largest deviation from its initial value of each conserved component of the momenta, by name.
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.spring_sphere(), deli.GVI(), step_size=0.1, steps=50)
+    >>> list(deli.metrics.momentum_errors(run))
+    ['L_z']
+    """
     return {
         name: float(np.abs(values - values[0]).max())
         for name, values in momentum_components(run, conserved=True).items()
@@ -30,13 +54,25 @@ def momentum_errors(run: xr.DataTree) -> dict[str, float]:
 
 @by_member
 def momentum_components(run: xr.DataTree, conserved: bool) -> dict[str, np.ndarray]:
-    """Components of linear and angular momentum over time, by name such as ``p_x`` and ``L_z``.
+    """Return components of linear and angular momentum over time, by names such as ``p_x`` and ``L_z``.
 
     Parameters
     ----------
     run : xarray.DataTree
     conserved : bool
-        Whether to return those that the scene conserves, or all others.
+        Whether to return the components that the scene conserves, or the other components.
+
+    Returns
+    -------
+    dict
+        Arrays of shape (rows,) by name, in units of M L T-1 (linear) and M L2 T-1 (angular).
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.spring_sphere(), deli.GVI(), step_size=0.1, steps=50)
+    >>> {name: values.shape for name, values in deli.metrics.momentum_components(run, conserved=False).items()}
+    {'p_x': (51,), 'p_y': (51,)}
     """
     trajectory = dataset_of(run, TRAJECTORY)
     found: dict[str, np.ndarray] = {}
@@ -54,10 +90,17 @@ def momentum_components(run: xr.DataTree, conserved: bool) -> dict[str, np.ndarr
 
 
 def undecided_momenta(run: xr.DataTree) -> list[str]:
-    """Names, such as ``p_x`` and ``L_z``, of momentum components that the scene may or may not conserve.
+    """Return the names, such as ``p_x`` and ``L_z``, of components of the momenta whose conservation is unknown.
 
     The invariances of potentials and constraints made of a user's functions are measured
-    (`deli.mechanics.measured`); they are unknown where that decides nothing.
+    (`deli.mechanics.measured`); they are unknown if the measurement does not decide.
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.pogo_stick(), deli.GVI(), step_size=0.1, steps=50)
+    >>> deli.metrics.undecided_momenta(run)
+    []
     """
     names: str = run.attrs.get(UNDECIDED, "none")
     return [name for name in names.split() if name != "none"]

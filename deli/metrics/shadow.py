@@ -1,4 +1,4 @@
-"""The energy that smooth steps keep."""
+"""The shadow energy, which smooth steps nearly conserve."""
 
 import tomllib
 
@@ -17,30 +17,31 @@ from deli.recording.schema import TRAJECTORY, dataset_of
 
 @by_member
 def shadow_energy(run: xr.DataTree, order: int = 4, scene: Scene | None = None) -> xr.DataArray:
-    """Shadow energy of every row [M L2 T-2]: what the smooth steps of the scheme keep where H oscillates by O(h²).
+    """Return the shadow energy of every row [M L2 T-2], which the smooth steps of the scheme nearly conserve.
 
-    Along smooth steps it oscillates by O(h^(order + 2)), so that it shows what impacts do to the energy.
+    Along smooth steps H oscillates by O(h²), the shadow energy only by O(h^(order + 2)). It therefore shows the effect
+    of impacts on the energy.
 
-    From (q₀, p₀) the scheme takes order/2 smooth steps of size h forwards and as many back, to (q_j, p_j), with the
-    bilateral constraints and the contacts that rest. A modified Hamiltonian H̃ = p·q̇ − L̃ is constant on the smooth
+    From (q₀, p₀) the scheme takes order/2 smooth steps of size h forwards and as many backwards, to (q_j, p_j), with
+    the bilateral constraints and the resting contacts. A modified Hamiltonian H̃ = p·q̇ − L̃ is constant on the smooth
     curve through these points, and its action over a step is the discrete Lagrangian, so that
 
         H̃ = 1/(2h) ( ∫ p·q̇ dt − L_d(q₋₁, q₀) − L_d(q₀, q₁) )
 
     over the two steps about q₀. q and p are replaced by the polynomials through all points, as by Skeel and Hardy
-    (2001) and Engle, Skeel and Drees (2005). No derivative of V is needed but its gradient, and the forces of
-    constraints are part of it: neither p·q̇ nor L_d sees them. All other unilateral constraints are passed through, so
-    that V must be defined some steps beyond them.
+    (2001) and Engle, Skeel and Drees (2005). Only the gradient of V is needed, and no higher derivative. The forces of
+    constraints are included, because they appear neither in p·q̇ nor in L_d. The steps ignore all other unilateral
+    constraints, so that V must be defined some steps beyond them.
 
     Parameters
     ----------
     run : xarray.DataTree
-        Of a method that has a scheme.
+        Run of a method with a scheme.
     order : {2, 4, 6, 8, 10, 12}
-        How far the expansion of H̃ in h is reproduced. What a reflection with ``energy="shadow4"`` does to the energy
-        shows in orders above 4 only.
+        Order in h of the expansion of H̃. The effect of a reflection with ``energy="shadow4"`` on the energy appears in
+        orders above 4 only.
     scene : Scene, optional
-        That of the run, where it is a user's own.
+        Scene of the run; required for a user's own scene.
 
     Returns
     -------
@@ -50,10 +51,19 @@ def shadow_energy(run: xr.DataTree, order: int = 4, scene: Scene | None = None) 
     Raises
     ------
     InputError
-        For another order, a method without a scheme, a user's own scene that is not handed in, or a scene that is not
-        the run's.
+        If the order is not allowed, the method has no scheme, a user's own scene is not passed, or the scene is not the
+        run's.
     StepError
-        Where smooth steps from a row do not converge.
+        If smooth steps from a row do not converge.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.nonlinear_oscillator(), deli.GVI(), step_size=0.1, steps=50)
+    >>> shadow, energy = deli.metrics.shadow_energy(run), run["trajectory"]["hamiltonian"]
+    >>> f"{np.ptp(shadow.values):.4f} instead of {np.ptp(energy.values):.4f}"
+    '0.0067 instead of 0.1110'
     """
     from deli.integrators.stepper import Stepper  # numba takes half a second to import
 
@@ -65,11 +75,11 @@ def shadow_energy(run: xr.DataTree, order: int = 4, scene: Scene | None = None) 
     else:
         require_scene_of(run, scene)
     if scene is None:
-        raise InputError("the run's scene is a user's own: hand it in as scene=...")
+        raise InputError("the run's scene is a user's own: pass it as scene=...")
     trajectory = dataset_of(run, TRAJECTORY)
     if "scheme" not in config["method"]:
         raise InputError(
-            f"the run's method {config['method']['name']} has no scheme, and so no shadow energy is known of it."
+            f"the run's method {config['method']['name']} has no scheme, and therefore no known shadow energy."
         )
     recipe = Recipe(weights=get_scheme(config["method"]["scheme"]).weights, shadow=order)
     stepper = Stepper(scene, config["step_size"], recipe, contact_tolerance=config["contact_tolerance"])

@@ -14,13 +14,13 @@ from deli.recording.schema import MEMBER, STATS, dataset_of
 
 @by_member
 def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Dataset:
-    """Every metric of a run, as a dataset of scalars with units and long names; of an ensemble, along ``member``.
+    """Return all metrics of a run as scalars with units and long names; of an ensemble, as arrays along ``member``.
 
     Parameters
     ----------
     run : xarray.DataTree
     reference : xarray.DataTree, optional
-        What to compare the trajectory with; without it ``trajectory_error`` is nan.
+        Run with the reference trajectory; without it, ``trajectory_error`` is nan.
 
     Returns
     -------
@@ -28,12 +28,20 @@ def measure(run: xr.DataTree, reference: xr.DataTree | None = None) -> xr.Datase
         ``energy_drift`` with ``energy_drift_error``; ``drift_per_impact``; ``energy_low``, ``energy_high`` and their
         difference ``energy_band``; ``momentum_error``, ``angular_momentum_error``; ``violation_worst``,
         ``violation_mean``; ``complementarity``, ``equality_residual``, ``trajectory_error``; ``smooth_contacts`` and
-        ``reflected_contacts`` as `contacts` gives them; summed over subproblems ``solves``, ``skipped``,
-        ``iterations``, ``fallbacks``, ``claimed_solves`` (the solver says so), ``verified_solves`` (recomputed
-        residuals say so), ``solver_time``, ``overhead_time``; ``uncalled_solvers``; ``wall_time``; ``steps``,
-        ``simulated_time``. Its attribute ``note`` is the text of `uncalled_note`, if there is one. Sums are nan where
-        ``solver_stats`` were not recorded, and where rows, or steps, have been left out since. The wall time of a
-        member of an ensemble is nan.
+        ``reflected_contacts`` from `contacts`; the sums over subproblems of ``solves``, ``skipped``, ``iterations``,
+        ``fallbacks``, ``claimed_solves`` (solved according to the solver), ``verified_solves`` (recomputed residuals
+        within the tolerance), ``solver_time``, ``overhead_time``; ``uncalled_solvers``; ``wall_time``; ``steps``,
+        ``simulated_time``. The attribute ``note`` is the text of `uncalled_note`, unless it is empty. Sums are nan if
+        ``solver_stats`` were not recorded, or if rows or steps have been removed since. The wall time of a member of an
+        ensemble is nan.
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.spring_sphere(), deli.GVI(), step_size=0.1, steps=50)
+    >>> found = deli.metrics.measure(run)
+    >>> round(found["energy_band"].item(), 6), found["energy_band"].units
+    (0.000778, 'M L2 T-2')
     """
     slope, low, worst = energy_drift(run), energy_range(run), violation(run)
     held, struck = contacts(run)
@@ -82,10 +90,10 @@ _SUMS = {
 METRICS = {
     "energy_drift": ("M L2 T-3", "slope of the energy over time"),
     "energy_drift_error": ("M L2 T-3", "standard error of the slope of the energy"),
-    "drift_per_impact": ("M L2 T-2", "drift of the energy by reflected contact"),
+    "drift_per_impact": ("M L2 T-2", "energy drift per reflected contact"),
     "energy_low": ("M L2 T-2", "smallest H - H(0)"),
     "energy_high": ("M L2 T-2", "largest H - H(0)"),
-    "energy_band": ("M L2 T-2", "largest minus smallest energy"),
+    "energy_band": ("M L2 T-2", "energy band, largest minus smallest H"),
     "momentum_error": ("M L T-1", "largest error of a conserved component of linear momentum"),
     "angular_momentum_error": ("M L2 T-1", "largest error of a conserved component of angular momentum"),
     "violation_worst": ("L", "worst violation of a unilateral constraint"),
@@ -94,18 +102,18 @@ METRICS = {
     "equality_residual": ("L", "largest residual of a bilateral constraint"),
     "trajectory_error": ("L", "largest root mean square distance from the reference"),
     "smooth_contacts": ("1", "mean number of smooth contacts"),
-    "reflected_contacts": ("1", "contacts reflected by the steps as they were taken"),
+    "reflected_contacts": ("1", "number of contacts reflected by the accepted steps"),
     "solves": ("1", "calls of a solver, in all attempts at the steps"),
     "skipped": ("1", "subproblems answered without a solver"),
     "iterations": ("1", "iterations of the solvers"),
     "fallbacks": ("1", "members of solver chains that failed before one succeeded"),
-    "claimed_solves": ("1", "calls that the solver says were solved"),
-    "verified_solves": ("1", "calls whose recomputed residuals are within the tolerance"),
+    "claimed_solves": ("1", "calls with success claimed by the solver"),
+    "verified_solves": ("1", "calls with recomputed residuals within the tolerance"),
     "solver_time": ("s", "time inside solvers"),
-    "overhead_time": ("s", "time to hand problems to solvers and check their answers"),
-    "uncalled_solvers": ("1", "solvers that were chosen and never called"),
+    "overhead_time": ("s", "time to pass problems to solvers and check their answers"),
+    "uncalled_solvers": ("1", "number of chosen solvers that were never called"),
     "wall_time": ("s", "wall time of the run"),
     "steps": ("1", "integration steps"),
-    "simulated_time": ("T", "time that the run got to"),
+    "simulated_time": ("T", "time of the last recorded row"),
 }
 """Units and long name of each metric that `measure` returns."""

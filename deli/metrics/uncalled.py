@@ -1,4 +1,4 @@
-"""Solvers that were chosen for a run, and that nothing reached."""
+"""Solvers that were chosen for a run and never called."""
 
 import tomllib
 from dataclasses import asdict
@@ -11,14 +11,14 @@ from deli.recording.provenance import plain
 from deli.recording.schema import STATS, dataset_of
 from deli.subproblems.choices import SolverChoice
 
-HINT = "skip=False (on the command line: --set skip=false) has solvers called for closed forms, too"
+HINT = "with skip=False (on the command line: --set skip=false), solvers are called for closed forms too"
 
 
 def uncalled_solvers(run: xr.DataTree) -> list[str]:
-    """Return a sentence about each solver that was chosen and never called; the default choice is none.
+    """Return a sentence about each solver that was chosen and never called, except the default one.
 
-    A subproblem that has a closed form, or in which there is nothing to solve, reaches no solver, so that runs with
-    different solvers are one and the same.
+    A subproblem with a closed form, or with nothing to solve, calls no solver. Runs with different solvers are then
+    identical.
 
     Parameters
     ----------
@@ -27,10 +27,11 @@ def uncalled_solvers(run: xr.DataTree) -> list[str]:
     Returns
     -------
     list of str
-        Empty also where the solver stats of a run are not there, or not all of them.
+        Empty also if the run lacks solver statistics of some steps.
 
     Examples
     --------
+    >>> import deli
     >>> run = deli.simulate(deli.scenes.point_mass(), deli.GVI(), step_size=0.01, steps=10, solvers="clarabel")
     >>> deli.metrics.uncalled_solvers(run)
     ['clarabel was never called: all 30 subproblems were answered without a solver, so its choice changed nothing']
@@ -56,7 +57,15 @@ def uncalled_solvers(run: xr.DataTree) -> list[str]:
 
 
 def uncalled_note(run: xr.DataTree) -> str:
-    """Return what `uncalled_solvers` says with what to do about it, or an empty text."""
+    """Return the sentences of `uncalled_solvers` with a remedy, or an empty text.
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.pogo_stick(), deli.GVI(), step_size=0.1, steps=50)
+    >>> deli.metrics.uncalled_note(run)
+    ''
+    """
     told = uncalled_solvers(run)
     skipping = bool(told) and tomllib.loads(run.attrs["config"])["skip"]
     return "; ".join([*told, HINT] if skipping else told)

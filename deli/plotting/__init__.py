@@ -1,4 +1,4 @@
-"""Figures of a run: what it conserves, where it goes, how it moves; and how backends compare on subproblems."""
+"""Figures and films of a run, and plots that compare the cases of a study and the backends of a replay."""
 
 from deli.plotting.animation import animate, check_movie, save_animation
 from deli.plotting.comparison import MARKERS, energy_traces, heat_map, pareto, work_precision

@@ -28,18 +28,18 @@ from solvers.distribution import install_line
 
 SUFFIXES = (".gif", ".mp4")
 DPI = 100
-SHADES = 128  # of a GIF; flat colours with soft edges need no more
+SHADES = 128  # colours of a GIF; flat colours with soft edges need no more
 GIF_SLOWEST, GIF_FASTEST = 100.0 / 65535.0, 50.0
-"""Frames a second: what the format holds, and what browsers do not slow down."""
+"""Frames a second: the least rate that the format holds, and the largest rate that browsers do not slow down."""
 GIF_BYTES = 2
-"""Of memory for each pixel of each frame: they are written together."""
+"""Bytes of memory for each pixel of each frame; all frames are written together."""
 
 
 Frames = Iterable[np.ndarray]
 
 
 class Film(NamedTuple):
-    """What was written.
+    """The times and the rate of a written animation.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Film(NamedTuple):
     fps : float
         Frames a second.
     misses_motion : bool
-        Whether bodies go to and fro faster than the frames show.
+        Whether bodies move to and fro faster than the frames show.
     """
 
     times: np.ndarray
@@ -66,26 +66,26 @@ def animate(
     end: float | None = None,
     every: int | None = None,
 ) -> FuncAnimation:
-    """Animate where the bodies go, uniformly in simulated time; ``.to_jshtml()`` plays it in a notebook.
+    """Animate the bodies, uniformly in simulated time; ``.to_jshtml()`` plays the animation in a notebook.
 
-    Bodies are drawn with their radii, among walls, rods and springs; under them runs the energy error. In one
-    dimension they stand on a vertical line, beside their positions over time. In a periodic box they are drawn inside
-    it, unless rods or springs tie them.
+    Bodies are drawn with their radii, among walls, rods and springs; the energy error is drawn below. In one dimension,
+    bodies stand on a vertical line, beside their positions over time. In a periodic box, bodies are drawn inside the
+    box, except with rods or springs.
 
     Parameters
     ----------
     run : xarray.DataTree
         From `deli.simulate` or `deli.open_run`.
     scene : deli.Scene, optional
-        Where walls, rods and radii come from; scenes of deli's own are found by name. Without it, bodies are points.
+        Scene with walls, rods and radii (default: the run's, if it is one of deli's own, else bodies are points).
     fps : float
         Frames a second of playback.
     duration : float, optional
-        Seconds of playback (default: 10, less if the run has too few rows for that).
+        Seconds of playback (default: 10, or less if the run has too few rows).
     start, end : float, optional
-        Simulated time to show (default: all that is recorded).
+        Simulated time to show (default: the recorded time).
     every : int, optional
-        One frame every so many rows, in place of a duration.
+        Number of rows from frame to frame, in place of a duration.
 
     Returns
     -------
@@ -95,6 +95,15 @@ def animate(
     ------
     InputError
         If a number is out of range, no row lies between ``start`` and ``end``, or the scene is not the run's.
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.pogo_stick(), deli.GVI(), step_size=0.1, steps=50)
+    >>> film = deli.plotting.animate(run, every=50)
+    >>> len(list(film.new_frame_seq()))
+    2
+    >>> text = film.to_jshtml()
     """
     rows = choose_rows(_times(run), fps=fps, duration=duration, start=start, end=end, every=every)
     with matplotlib.rc_context(STYLE):
@@ -116,35 +125,46 @@ def save_animation(
     overwrite: bool = False,
     progress: bool = False,
 ) -> Film:
-    """Write an animation, see `animate`, into a GIF or an MP4 file, which appears under its name when it is whole.
+    """Write an animation into a GIF or an MP4 file, which appears under its name when it is complete; see `animate`.
 
     Parameters
     ----------
     path
         File to write, .gif or .mp4.
     fps
-        Of a GIF, the nearest rate that it can hold: 100 by a whole number.
+        Frames a second; a GIF takes the nearest rate that it can hold, 100 divided by a whole number.
     dpi
         Pixels an inch; the picture is 6.4 inches wide.
     overwrite
-        Replace the file if it exists.
+        Whether to replace an existing file.
     progress
-        Show a bar on standard error.
+        Whether to show a bar on standard error.
 
     Returns
     -------
     Film
-        What was written.
+        Times and rate of the frames.
 
     Raises
     ------
     InputError
-        For whatever `animate` refuses, and if the file exists, cannot be written, has another suffix, or is MP4 where
-        there is no ffmpeg.
+        If `animate` refuses its arguments, the file exists, cannot be written or has another suffix, or ffmpeg is
+        missing for an MP4.
     DeliError
-        If writing fails on the way.
+        If writing fails after it has begun.
     KeyboardInterrupt
-        On SIGINT or SIGTERM; nothing is left then.
+        On SIGINT or SIGTERM; no file is left then.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.pogo_stick(), deli.GVI(), step_size=0.1, steps=50)
+    >>> with TemporaryDirectory() as folder:
+    ...     film = deli.plotting.save_animation(run, Path(folder, "pogo.gif"), every=25, dpi=50)
+    >>> film.times.round(9).tolist()
+    [0.0, 2.5, 5.0]
     """
     target = Path(path)
     check_movie(target, overwrite=overwrite)
@@ -166,13 +186,22 @@ def save_animation(
 
 
 def check_movie(path: Path, *, overwrite: bool) -> None:
-    """Refuse a file that cannot be written or that exists.
+    """Refuse a file of an animation that exists or cannot be written.
 
     Raises
     ------
     InputError
         If the suffix is neither .gif nor .mp4, the folder is missing or unwritable, the file exists and may not be
-        overwritten, or an MP4 is asked for where there is no ffmpeg.
+        overwritten, or ffmpeg is missing for an MP4.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import deli
+    >>> deli.plotting.check_movie(Path("run.avi"), overwrite=False)
+    Traceback (most recent call last):
+    ...
+    deli.errors.InputError: animation run.avi: found the suffix '.avi'; allowed: .gif, .mp4.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"animation {path}: found the suffix {path.suffix!r}; allowed: {', '.join(SUFFIXES)}.")
@@ -186,12 +215,12 @@ def check_movie(path: Path, *, overwrite: bool) -> None:
 
 
 def ffmpeg() -> str:
-    """Return where ffmpeg is: on the path, or in the package imageio-ffmpeg.
+    """Return the path of ffmpeg, from the search path or the package imageio-ffmpeg.
 
     Raises
     ------
     InputError
-        If it is nowhere.
+        If there is no ffmpeg.
     """
     if FFMpegWriter.isAvailable():
         return str(FFMpegWriter.bin_path())
@@ -206,16 +235,16 @@ def ffmpeg() -> str:
 
 
 def gif_rate(fps: float) -> float:
-    """Return the rate nearest to ``fps`` that a GIF can hold, whose frames last hundredths of a second.
+    """Return the rate nearest to ``fps`` that a GIF can hold; its frames last whole hundredths of a second.
 
     Raises
     ------
     InputError
-        If it is faster than browsers play.
+        If the rate is slower than a GIF can hold, or faster than browsers play.
     """
     if not GIF_SLOWEST <= fps <= GIF_FASTEST:
         raise InputError(
-            f"fps: found {fps!r}; a GIF holds {GIF_SLOWEST:.2g} to {GIF_FASTEST:g} a second: pass such, or .mp4."
+            f"fps: found {fps!r}; allowed for a GIF: {GIF_SLOWEST:.2g} to {GIF_FASTEST:g} a second; or write .mp4."
         )
     return 100.0 / round(100.0 / fps)
 
@@ -268,7 +297,7 @@ def _write_gif(picture: Picture, frames: Frames, partial: Path, rate: float) -> 
         nonlocal palette
         for pixels in frames:
             image = Image.fromarray(pixels).convert("RGB")
-            if palette is None:  # all colours are in every frame: one palette does, and keeps what is still the same
+            if palette is None:  # all frames have the same colours; one palette keeps still pixels the same
                 palette = _palette(image)
             yield image.quantize(palette=palette, dither=Image.Dither.NONE)
 
@@ -279,9 +308,9 @@ def _write_gif(picture: Picture, frames: Frames, partial: Path, rate: float) -> 
 
 
 def _palette(image: Image.Image) -> Image.Image:
-    """Return the colours of bodies and the commonest others as they are: quantizers tint white.
+    """Return a palette of the colours of bodies and the commonest other colours, unchanged; quantizers tint white.
 
-    Of colours that can hardly be told apart only one is taken, for pillow finds the nearest by their leading bits.
+    Of nearly equal colours only one is taken, because pillow finds the nearest colour by leading bits.
     """
     common = sorted(image.getcolors(image.width * image.height) or (), reverse=True)
     bodies: list[Any] = [tuple(round(255.0 * part) for part in to_rgb(hue)) for hue in COLORS]
@@ -295,7 +324,7 @@ def _palette(image: Image.Image) -> Image.Image:
 
 
 class _Mp4Writer(FFMpegWriter):
-    """Takes frames that are drawn already, where matplotlib's own draws each figure anew."""
+    """A writer of frames that are drawn already; matplotlib's own writer redraws each figure."""
 
     _proc: Any
 
@@ -305,7 +334,7 @@ class _Mp4Writer(FFMpegWriter):
 
 def _write_mp4(picture: Picture, frames: Frames, partial: Path, rate: float) -> None:
     with matplotlib.rc_context({"animation.ffmpeg_path": ffmpeg()}):
-        # The name tells ffmpeg nothing, for it ends in .partial.
+        # The name ends in .partial, so that ffmpeg needs the format.
         settings: Any = {"fps": rate}  # ffmpeg takes fractions; matplotlib's annotation says int
         writer = _Mp4Writer(**settings, codec="h264", extra_args=["-f", "mp4", "-movflags", "+faststart"])
         with writer.saving(picture.figure, str(partial), dpi=picture.figure.dpi):

@@ -1,4 +1,4 @@
-"""Plots that compare the cases of a study, from their metrics; each draws on one Axes, a new one if none is given."""
+"""Plots that compare the cases of a study by their metrics; each draws on given axes or on new ones."""
 
 import sys
 import textwrap
@@ -19,15 +19,16 @@ from deli.plotting.style import STYLE, new_figure
 from deli.recording.schema import TRAJECTORY, dataset_of
 
 MARKERS = "osD^vPX*"
-MOST_WORDS = 8  # columns of a heat map up to which the numbers are written into it
-WIDTH = 40  # characters of a label on a small panel
-FLOOR = 1e-17  # where zeros are drawn on a logarithmic axis
+MOST_WORDS = 8  # the most columns of a heat map with numbers in its cells
+WIDTH = 40  # characters in a line of a label
+FLOOR = 1e-17  # the value at which zeros are drawn on a logarithmic axis
 
 
 def pareto(data: xr.Dataset, x: str, y: str, by: str | None = None, ax: Axes | None = None) -> Axes:
-    """Draw cases as points and join those that no other case beats in both metrics.
+    """Draw cases as points in two metrics, and join the cases that no other case beats in both metrics.
 
-    The legend says how many cases of a label have no point, because they did not end or a number is unknown.
+    A case without a point is not completed, or one of its metrics is unknown; the legend gives the number of points if
+    it is not the number of cases.
 
     Parameters
     ----------
@@ -36,12 +37,26 @@ def pareto(data: xr.Dataset, x: str, y: str, by: str | None = None, ax: Axes | N
     x, y : str
         Metrics, the smaller the better, such as ``solver_time`` and ``energy_band``; magnitudes are drawn.
     by : str, optional
-        Axis that colours the points.
+        Axis that determines the colour of points.
     ax : matplotlib.axes.Axes, optional
+        Axes to draw on (default: a new figure's).
 
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    The metrics of two runs stand for the dataset of a study.
+
+    >>> import xarray as xr
+    >>> import deli
+    >>> runs = [deli.simulate(deli.scenes.spring_sphere(), deli.GVI(), step_size=h, duration=5.0) for h in (0.1, 0.05)]
+    >>> steps = xr.DataArray([0.1, 0.05], dims="step_size", name="step_size")
+    >>> data = xr.concat([deli.metrics.measure(run) for run in runs], steps)
+    >>> data["state"] = "step_size", ["done", "done"]
+    >>> deli.plotting.pareto(data, "wall_time", "energy_band").get_xlabel()
+    'wall time of the run [s]'
     """
     axes = _axes(ax, data, x, y)
     points: list[tuple[float, float]] = []
@@ -60,11 +75,11 @@ def pareto(data: xr.Dataset, x: str, y: str, by: str | None = None, ax: Axes | N
 def work_precision(
     data: xr.Dataset, cost: str, error: str, along: str, by: str | None = None, ax: Axes | None = None
 ) -> Axes:
-    """Draw error against cost, one line for each value of an axis; below and to the left is better.
+    """Draw error against cost, one line for each label of an axis; lower left is better.
 
-    Where further axes are left, a point is the geometric mean over them, of the same cases as every other point: those
-    in which neither number is known anywhere are no cases, and a point that lacks another is left out. The legend says
-    of how many cases a point is and how many points a line has.
+    A point is the geometric mean over all other axes, and all points are means of the same cases. Cases in which the
+    two metrics are known at no point are ignored; a point that lacks one of the other cases is left out. The legend
+    gives the number of cases behind a point, and the number of points of an incomplete line.
 
     Parameters
     ----------
@@ -75,8 +90,9 @@ def work_precision(
     along : str
         Axis that a line runs along, such as ``step_size``.
     by : str, optional
-        Axis with one line for each of its values.
+        Axis with one line for each of its labels.
     ax : matplotlib.axes.Axes, optional
+        Axes to draw on (default: a new figure's).
 
     Returns
     -------
@@ -86,6 +102,19 @@ def work_precision(
     ------
     InputError
         If an axis or a metric does not exist.
+
+    Examples
+    --------
+    The metrics of two runs stand for the dataset of a study.
+
+    >>> import xarray as xr
+    >>> import deli
+    >>> runs = [deli.simulate(deli.scenes.spring_sphere(), deli.GVI(), step_size=h, duration=5.0) for h in (0.1, 0.05)]
+    >>> steps = xr.DataArray([0.1, 0.05], dims="step_size", name="step_size")
+    >>> data = xr.concat([deli.metrics.measure(run) for run in runs], steps)
+    >>> data["state"] = "step_size", ["done", "done"]
+    >>> deli.plotting.work_precision(data, "steps", "energy_band", "step_size").lines[0].get_xdata().round(6).tolist()
+    [50.0, 100.0]
     """
     axes = _axes(ax, data, cost, error)
     _require(data, along)
@@ -114,23 +143,39 @@ def work_precision(
 
 
 def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = None) -> Axes:
-    """Draw a metric over two axes of a study, on a logarithmic colour scale; where a case is not done is crossed out.
+    """Draw a metric over two axes of a study on a logarithmic colour scale.
 
-    Numbers are written into the cells where there is room; zero has no colour. A key tells of such cells.
+    Cells with incomplete cases are crossed out, and zero has no colour; a key explains both. Numbers are written into
+    the cells of narrow maps.
 
     Parameters
     ----------
     data : xarray.Dataset
-        Metrics on the axes of a study; axes other than `x` and `y` have one value, or their worst is drawn.
+        Metrics on the axes of a study; a cell shows the largest magnitude over all axes other than `x` and `y`.
     x, y : str
         Axes.
     value : str
         Metric, whose magnitude is drawn.
     ax : matplotlib.axes.Axes, optional
+        Axes to draw on (default: a new figure's).
 
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    The metrics of two runs stand for the dataset of a study.
+
+    >>> import xarray as xr
+    >>> import deli
+    >>> runs = [deli.simulate(deli.scenes.spring_sphere(), deli.GVI(), step_size=h, duration=5.0) for h in (0.1, 0.05)]
+    >>> steps = xr.DataArray([0.1, 0.05], dims="step_size", name="step_size")
+    >>> data = xr.concat([deli.metrics.measure(run) for run in runs], steps)
+    >>> data["state"] = "step_size", ["done", "done"]
+    >>> axes = deli.plotting.heat_map(data.expand_dims(scene=["sphere"]), "step_size", "scene", "energy_band")
+    >>> [text.get_text() for text in axes.texts]
+    ['7.78e-4', '1.95e-4']
     """
     axes = _axes(ax, data, value, value)
     for name in (x, y):
@@ -170,17 +215,25 @@ def heat_map(data: xr.Dataset, x: str, y: str, value: str, ax: Axes | None = Non
 
 
 def energy_traces(runs: Mapping[str, xr.DataTree], ax: Axes | None = None) -> Axes:
-    """Draw H - H(0) of some runs over time.
+    """Draw the energy error H - H(0) of several runs over time.
 
     Parameters
     ----------
     runs : mapping
-        Runs by the label they get.
+        Runs by their labels in the legend.
     ax : matplotlib.axes.Axes, optional
+        Axes to draw on (default: a new figure's).
 
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> import deli
+    >>> run = deli.simulate(deli.scenes.spring_sphere(), deli.GVI(), step_size=0.1, steps=50)
+    >>> deli.plotting.energy_traces({"midpoint": run}).get_ylabel()
+    'H − H(0) [M L² T⁻²]'
     """
     axes = _new_axes() if ax is None else ax
     for index, (label, run) in enumerate(runs.items()):
@@ -237,7 +290,7 @@ def _complete(data: xr.Dataset) -> xr.DataArray:
 
 
 def _finished(data: xr.Dataset, x: str, y: str) -> tuple[np.ndarray, np.ndarray]:
-    """Magnitudes of two metrics of the cases that finished, zeros lifted to where a logarithmic axis shows them."""
+    """Return the magnitudes of two metrics of the completed cases, zeros replaced by `FLOOR` for a logarithmic axis."""
     arrays = xr.broadcast(abs(data[x]), abs(data[y]), _complete(data))
     across, up, complete = (array.values.ravel() for array in arrays)
     known = complete & np.isfinite(across) & np.isfinite(up)
@@ -245,7 +298,7 @@ def _finished(data: xr.Dataset, x: str, y: str) -> tuple[np.ndarray, np.ndarray]
 
 
 def _front(points: np.ndarray) -> np.ndarray:
-    """The points that no other one beats in both coordinates, from left to right."""
+    """Return the points that no other point beats in both coordinates, from left to right."""
     ordered = points[np.lexsort((points[:, 1], points[:, 0]))]
     best = np.minimum.accumulate(ordered[:, 1]) if len(ordered) else ordered[:, 1]
     first = np.diff(best, prepend=np.inf) < 0.0
@@ -254,23 +307,23 @@ def _front(points: np.ndarray) -> np.ndarray:
 
 
 def _marker(index: int) -> str:
-    """Another one where colours begin again."""
+    """Return a marker that changes when colours repeat."""
     return MARKERS[(index + index // len(COLORS)) % len(MARKERS)]
 
 
 def _finish(axes: Axes) -> Axes:
-    """Scales and legend of points on logarithmic axes, or the words that there are none."""
+    """Give points logarithmic scales and a legend, or write that there are none."""
     points = np.concatenate([np.empty((0, 2)), *(np.array(line.get_xydata(), dtype=float) for line in axes.lines)])
     points = points[np.isfinite(points).all(axis=1)]
     if len(points):
         for axis, values in zip("xy", points.T, strict=True):
             low, high = float(values.min()), float(values.max())
-            if high - low <= 1e-9 * high:  # a distance of rounding, for which matplotlib finds no limits
+            if high - low <= 1e-9 * high:  # matplotlib finds no limits for differences of rounding
                 axes.set(**{f"{axis}lim": (0.1 * low, min(10.0 * high, sys.float_info.max))})
             axes.set(**{f"{axis}scale": "log"})
         _legend(axes)
     else:
-        axes.text(0.5, 0.5, "no case has both numbers", transform=axes.transAxes, ha="center", color="0.4", fontsize=9)
+        axes.text(0.5, 0.5, "no case has both metrics", transform=axes.transAxes, ha="center", color="0.4", fontsize=9)
     return axes
 
 

@@ -1,4 +1,4 @@
-"""Energy error, momenta, gaps and solver residuals of an ensemble: lines of few members, the range of many."""
+"""Energy error, momenta, gaps and solver residuals of an ensemble: a line for each of few members, a range of many."""
 
 import numpy as np
 import xarray as xr
@@ -25,7 +25,7 @@ def draw_energies(axes: Axes, run: xr.DataTree) -> None:
 
 
 def draw_all_momenta(axes: Axes, run: xr.DataTree) -> None:
-    """Draw the largest error of the momenta that members conserve, or the range of all momenta where none is."""
+    """Draw the largest error of the momenta that members conserve, or the range of all momenta if none is conserved."""
     time = dataset_of(run, TRAJECTORY)["time"].values
     conserved = momentum_components(run, conserved=True)
     if not conserved:

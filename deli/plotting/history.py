@@ -20,7 +20,7 @@ RESIDUALS = ("primal_residual", "dual_residual", "complementarity")
 
 
 def draw_history(figure: Figure | SubFigure, run: xr.DataTree) -> None:
-    """Draw the panels one under the other, sharing the time axis; no gaps or residuals where there are none."""
+    """Draw panels of energy, momenta, gaps and residuals with one time axis; leave out missing gaps and residuals."""
     panels = [draw_energy, draw_momenta]
     if np.isfinite(dataset_of(run, TRAJECTORY)["gap_min"].values).any():
         panels.append(draw_gaps)
@@ -34,7 +34,7 @@ def draw_history(figure: Figure | SubFigure, run: xr.DataTree) -> None:
 
 
 def set_time_axis(axes: Axes, run: xr.DataTree, *, wider: bool = False) -> None:
-    """Label the time axis, and limit it to the recorded time, or widen it to hold that too."""
+    """Label the time axis and limit it to the recorded time; with `wider`, extend its present limits instead."""
     time = dataset_of(run, TRAJECTORY)["time"]
     axes.set_xlabel(f"time{unit(time.attrs['units'])}")
     if len(time) > 1:
@@ -52,14 +52,14 @@ def draw_energy(axes: Axes, run: xr.DataTree, series: Series = ALONE) -> None:
     axes.axhline(0.0, color="0.6", linewidth=0.7)
     draw_line(axes, time, energy - energy[0], label=series.name(), **series.looks())
     slope, error = energy_drift(run)
-    told = "" if np.isnan(slope) else f", drift {slope:+.1e} ± {error:.0e} a unit of time"
+    told = "" if np.isnan(slope) else f", drift {slope:+.1e} ± {error:.0e} per unit of time"
     axes.set_title("energy error" + (f" (H(0) = {energy[0]:.6g}{told})" if series.alone else ""))
     axes.set_ylabel(f"H − H(0)\n{unit(trajectory['hamiltonian'].attrs['units']).strip()}")
     legend_above(axes)
 
 
 def draw_momenta(axes: Axes, run: xr.DataTree, series: Series = ALONE) -> None:
-    """Draw the error of the momenta that the scene conserves, or all momenta where it conserves none."""
+    """Draw the error of the momenta that the scene conserves, or all momenta if it conserves none."""
     if is_ensemble(run):
         draw_all_momenta(axes, run)
         return
@@ -116,7 +116,7 @@ def draw_gaps(axes: Axes, run: xr.DataTree, series: Series = ALONE) -> None:
 
 
 def draw_residuals(axes: Axes, run: xr.DataTree, series: Series = ALONE) -> None:
-    """Draw the scaled residuals of each subproblem, of an ensemble the largest of members, and their tolerances."""
+    """Draw the scaled residuals of each subproblem (of an ensemble, the largest of all members) and the tolerances."""
     trajectory, stats = dataset_of(run, TRAJECTORY), dataset_of(run, STATS)
     time = trajectory["time"].values
     if is_ensemble(run):
@@ -148,7 +148,7 @@ def _draw_tolerances(axes: Axes, run: xr.DataTree) -> None:
 
 
 def _deepest(gap: float, time: float) -> str:
-    return f"worst {gap:.1e} at time {time:.6g}" if gap < 0.0 else f"nothing penetrates, least {gap:.1e}"
+    return f"worst {gap:.1e} at time {time:.6g}" if gap < 0.0 else f"no violation, least {gap:.1e}"
 
 
 def _symbol(name: str) -> str:

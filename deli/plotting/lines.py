@@ -1,4 +1,4 @@
-"""Lines of any length, of which no row that shows is left out."""
+"""Lines of any length, drawn with all of their visible rows."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -14,18 +14,25 @@ from deli.errors import InputError
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
 DASHES = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
-"""For readers who cannot tell colours apart, and where colours run out."""
+"""Dashes for readers who cannot distinguish colours, and for more lines than colours."""
 DOTS, NOTHING = ".x+1", "nothing"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def color(index: int) -> str:
-    """Return a colour that can be told from its neighbours, by colour-blind readers too."""
+    """Return a colour that differs from its neighbours, for colour-blind readers too.
+
+    Examples
+    --------
+    >>> import deli
+    >>> deli.plotting.color(0), deli.plotting.color(1)
+    ('#0072B2', '#D55E00')
+    """
     return COLORS[index % len(COLORS)]
 
 
 def plain(text: str) -> str:
-    """Return words that matplotlib shows as they are: without this it takes what is between dollars for a formula."""
+    """Return text that matplotlib shows literally, instead of a formula between dollar signs."""
     return text.replace("$", r"\$")
 
 
@@ -35,18 +42,18 @@ def unit(units: str) -> str:
 
 
 class Series(NamedTuple):
-    """Looks of the lines of one run, on axes that may hold those of other runs.
+    """Looks of the lines of one run, on axes that may hold lines of other runs.
 
     Attributes
     ----------
     label : str or None
         Name of the run in the legend.
     hue : object
-        Colour of all its lines, which differ by their dashes then; or None.
+        Colour of all lines of the run, which then differ by their dashes; or None.
     beside : bool
-        Whether there is something on the axes already.
+        Whether the axes hold other lines already.
     used : int
-        How many of our colours are there already.
+        Number of `COLORS` on the axes already.
     """
 
     label: str | None = None
@@ -65,7 +72,7 @@ class Series(NamedTuple):
         return ", ".join(word for word in words if word) or None
 
     def looks(self, index: int = 0, own: str | None = None) -> dict[str, Any]:
-        """Return colour and dashes of a line, given its place among the lines of the run; `own` is its usual colour."""
+        """Return colour and dashes of a line by its index among the lines of the run; `own` is its usual colour."""
         if self.hue is not None:
             return {"hue": self.hue, "linestyle": DASHES[index % len(DASHES)]}
         return {"hue": own or color(self.used + index)}
@@ -75,12 +82,12 @@ ALONE = Series()
 
 
 def series_on(axes: Axes | None, label: str | None, hue: Any) -> Series:
-    """Return how the next run on some axes, or on new ones, is drawn.
+    """Return the looks of the next run on the given axes, or on new ones.
 
     Raises
     ------
     InputError
-        If the label is no string, or the colour none that matplotlib knows.
+        If the label is not a string, or matplotlib does not know the colour.
     """
     if label is not None and not isinstance(label, str):
         raise InputError(f"label: found {label!r}; pass a string.")
@@ -94,15 +101,15 @@ def series_on(axes: Axes | None, label: str | None, hue: Any) -> Series:
 
 
 class Trace(Line2D):
-    """A line over time that looks as if all rows were drawn, at the cost of a few for each pixel.
+    """A line over time that looks like a line through all rows, at the cost of a few rows for each pixel.
 
-    Where a column of pixels holds several rows, the line goes through the first, the smallest, the largest and the last
-    of them, in their order (M4; Jugel et al. 2014). It then fills the range of the column, as all rows would. Columns
-    are those of the axes when they are drawn, at any size, resolution and zoom; the data of the line stay whole.
+    In a column of pixels with several rows, the line goes through the first, the smallest, the largest and the last
+    row, in their order (M4; Jugel et al. 2014). It then fills the range of the column, like a line through all rows.
+    Columns are computed when the axes are drawn, at any size, resolution and zoom; the data of the line stay complete.
     """
 
     def draw(self, renderer: RendererBase) -> None:
-        """Draw the rows that can be told apart."""
+        """Draw the rows that differ on the axes."""
         data = np.asarray(self.get_xydata(), dtype=float)
         kept = self._kept(data, self.get_transform().transform(data))
         if len(kept) == len(data):
@@ -120,7 +127,7 @@ class Trace(Line2D):
 
 
 class Dots(Trace):
-    """Dots; of those on the same pixel one is drawn."""
+    """Dots over time, one for each occupied pixel."""
 
     def _kept(self, data: np.ndarray, pixels: np.ndarray) -> np.ndarray:
         cells = np.floor(pixels)
@@ -141,14 +148,14 @@ def extreme_rows(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     columns : numpy.ndarray
-        The column of each row, which never falls, shape (rows,).
+        Column of each row, in ascending order, shape (rows,).
     values : numpy.ndarray
         Shape (rows,).
 
     Returns
     -------
     numpy.ndarray
-        Indices of rows, rising.
+        Indices of rows, in ascending order.
     """
     known = np.isfinite(values)
     rows = np.flatnonzero(known)
@@ -167,14 +174,14 @@ def extreme_rows(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
 def draw_line(
     axes: Axes, time: np.ndarray, values: np.ndarray, hue: Any, label: str | None = None, **style: Any
 ) -> None:
-    """Draw values over time; where rows are closer than a pixel, see `Trace`."""
+    """Draw values over time as a `Trace`."""
     _add(axes, Trace(time, values, color=hue, label=label, **{"linewidth": 0.9, **style}))
 
 
 def draw_dots(
     axes: Axes, time: np.ndarray, values: np.ndarray, hue: Any, label: str | None, linestyle: Any = "-", **style: Any
 ) -> None:
-    """Draw values as dots for a logarithmic axis; zeros are left out, and other marks stand for dashes."""
+    """Draw positive values as dots for a logarithmic axis; other markers stand for other dashes."""
     positive = np.isfinite(values) & (values > 0)
     if positive.any():
         looks: dict[str, Any] = {"linestyle": "none", "marker": DOTS[DASHES.index(linestyle)], "markersize": 2.5}
@@ -182,12 +189,12 @@ def draw_dots(
 
 
 def draw_track(axes: Axes, path: np.ndarray, hue: str, **style: Any) -> None:
-    """Draw a path in the plane, shape (rows, 2), see `Track`."""
+    """Draw a path in the plane, shape (rows, 2), as a `Track`."""
     _add(axes, Track(*path.T, color=hue, **style))
 
 
 def layers(extents: Sequence[float]) -> list[float]:
-    """Return the zorder of each of some lines, so that the one of largest extent hides none of the others."""
+    """Return the zorder of each line, such that lines of larger extent lie under lines of smaller extent."""
     order = np.argsort(np.argsort(extents))
     return [2.0 - 0.1 * float(rank) / len(extents) for rank in order]
 
@@ -198,7 +205,7 @@ def _add(axes: Axes, line: Line2D) -> None:
 
 
 def legend_above(axes: Axes) -> None:
-    """Put the legend above the axes, where it covers nothing."""
+    """Put the legend above the axes, where it covers no line."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         axes.legend(
@@ -215,13 +222,13 @@ def legend_above(axes: Axes) -> None:
 
 
 def legend_below(figure: Figure | SubFigure, axes: Axes) -> None:
-    """Put the legend under everything else."""
+    """Put the legend under the figure."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=6, handlelength=1.2, columnspacing=1.0)
 
 
 def scale_log(axes: Axes, nothing: str) -> None:
-    """Give the axes a logarithmic scale, or the words `nothing` where no value is positive."""
+    """Give the axes a logarithmic scale, or write the text `nothing` if no value is positive."""
     for words in [text for text in axes.texts if text.get_gid() == NOTHING]:  # of a run drawn before
         words.remove()
     if axes.has_data():

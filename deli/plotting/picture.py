@@ -1,4 +1,4 @@
-"""The picture that an animation moves: bodies in their place, a clock, and the energy error with a cursor."""
+"""The picture of an animation: bodies in their places, a clock, and the energy error with a cursor."""
 
 import textwrap
 from collections.abc import Iterator
@@ -28,10 +28,10 @@ class Picture:
     Attributes
     ----------
     figure : matplotlib.figure.Figure
-        Laid out; bodies are in its first axes, in one dimension with their positions over time in the second, the
-        energy error is in the last.
+        The figure, laid out. Its first axes show the bodies, its last axes the energy error; in one dimension, its
+        second axes show positions over time.
     frames : int
-        Number of rows to show.
+        Number of shown rows.
     """
 
     def __init__(self, run: xr.DataTree, scene: Scene | None, rows: np.ndarray, dpi: float) -> None:
@@ -70,7 +70,7 @@ class Picture:
         ]
         self._dot = self._draw_energy(energy_axes, recorded["hamiltonian"].attrs["units"])
         self.figure.draw_without_rendering()
-        self.figure.set_layout_engine("none")  # what changes from frame to frame must not move the axes
+        self.figure.set_layout_engine("none")  # changes from frame to frame must not move the axes
         self._stage = STAGES[self._dimension](self._stand, scene, radius)
         self.moving: list[Any] = [*self._stage.artists, self._clock, *self._cursors, self._dot]
         step = float(np.diff(self._time[rows]).min()) if len(rows) > 1 else 1.0
@@ -78,7 +78,7 @@ class Picture:
         self.show(0)
 
     def show(self, frame: int) -> list[Artist]:
-        """Move everything to where it is in a frame, counted from 0; return what moved."""
+        """Move all artists to their places in a frame, counted from 0; return the moved artists."""
         row = self._rows[frame]
         self._stage.show(self._places[frame])
         self._clock.set_text(f"time {self._time[row]:.{self._digits}f}    energy error {self._error[row]:+.1e}")
@@ -88,7 +88,10 @@ class Picture:
         return self.moving
 
     def drawn(self) -> Iterator[np.ndarray]:
-        """Yield all frames as pixels, shape (height, width, 4); each is valid until the next. Draw what moves only."""
+        """Yield all frames as pixels, shape (height, width, 4), and redraw moving artists only.
+
+        Each frame is valid until the next one.
+        """
         canvas: Any = self.figure.canvas
         for artist in self.moving:
             artist.set_animated(True)
@@ -130,7 +133,7 @@ class Picture:
         return stand, None
 
     def _draw_curves(self, axes: Axes, position: np.ndarray) -> None:
-        """Draw positions over time between the first and the last frame, of so many bodies as can be told apart."""
+        """Draw positions over time between the first and the last frame, of at most `CURVES` bodies."""
         shown = slice(self._rows[0], self._rows[-1] + 1)
         bodies = np.unique(np.linspace(0, position.shape[1] - 1, min(position.shape[1], CURVES)).round().astype(int))
         for body in bodies:
@@ -156,7 +159,7 @@ class Picture:
 
 
 def _even(inches: float, dpi: float) -> float:
-    """Return a length of an even number of pixels, as films need it."""
+    """Return a length rounded to an even number of pixels, as films need it."""
     return 2.0 * round(0.5 * inches * dpi) / dpi
 
 
@@ -166,13 +169,13 @@ def _linked(scene: Scene) -> bool:
 
 
 def _wrapped(places: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """Return places within a periodic box; along axes that are not periodic, as they are."""
+    """Return places within a periodic box; coordinates along axes that are not periodic stay unchanged."""
     length = np.where(box > 0.0, box, 1.0)
     return np.where(box > 0.0, np.mod(places, length), places)
 
 
 def _torn(time: np.ndarray, path: np.ndarray, jump: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return a path with a gap wherever it jumps so far: no line goes across a periodic box."""
+    """Return a path with a gap at every jump of at least `jump`, so that no line crosses a periodic box."""
     gaps = 1 + np.flatnonzero(np.abs(np.diff(path)) > jump)
     return np.insert(time, gaps, time[gaps]), np.insert(path, gaps, np.nan)
 
@@ -180,7 +183,7 @@ def _torn(time: np.ndarray, path: np.ndarray, jump: float) -> tuple[np.ndarray, 
 def _limits(
     places: np.ndarray, radius: np.ndarray, scene: Scene | None, box: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return what bodies and the walls near them reach, with a margin; along periodic axes the box."""
+    """Return the limits of bodies and the walls near them, with a margin; along periodic axes the limits of the box."""
     low = (places - radius[:, None]).min(axis=(0, 1))
     high = (places + radius[:, None]).max(axis=(0, 1))
     if scene is not None:

@@ -1,4 +1,4 @@
-"""Which rows of a run become frames, so that playback is uniform in simulated time."""
+"""The choice of rows of a run as frames, such that playback is uniform in simulated time."""
 
 import math
 
@@ -9,9 +9,9 @@ from deli.errors import InputError
 FPS, SECONDS = 25.0, 10.0
 BODIES = 12
 RATES = 1e-3, 1e3
-"""Frames a second."""
+"""The least and the largest number of frames a second."""
 MOST_FRAMES = 100_000
-"""More than an hour."""
+"""The most frames of a film: more than an hour."""
 
 
 def choose_rows(
@@ -23,7 +23,7 @@ def choose_rows(
     end: float | None = None,
     every: int | None = None,
 ) -> np.ndarray:
-    """Return the rows to show, one a frame: those nearest to equidistant moments, or every n-th one.
+    """Return the rows to show, one a frame: the rows nearest to equidistant times, or every n-th row.
 
     Without ``duration`` and ``every`` playback takes at most `SECONDS` and repeats no row.
 
@@ -38,7 +38,7 @@ def choose_rows(
     start, end : float, optional
         First and last simulated time to show; rows outside are left out.
     every : int, optional
-        Show every so many rows, one frame each, in place of a duration.
+        Number of rows from frame to frame, in place of a duration.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def choose_rows(
     if every is not None:
         if len(shown) > every * MOST_FRAMES:
             raise InputError(
-                f"every {every!r} makes more than {MOST_FRAMES:,} frames of {len(shown):,} rows; pass more."
+                f"every {every!r} makes more than {MOST_FRAMES:,} frames of {len(shown):,} rows; pass a larger one."
             )
         return shown[::every]
     count = min(len(shown), round(SECONDS * fps)) if duration is None else round(duration * fps)
@@ -84,14 +84,14 @@ def _window(time: np.ndarray, start: float | None, end: float | None) -> np.ndar
 
 
 def misses_motion(position: np.ndarray, rows: np.ndarray) -> bool:
-    """Whether frames at some rows show less than half of the way, to and fro, that one of the first bodies goes.
+    """Tell whether the frames show less than half of the way that one of the first bodies moves to and fro.
 
     Parameters
     ----------
     position : numpy.ndarray
-        Of all rows, shape (rows, bodies, dimension).
+        Positions in all rows, shape (rows, bodies, dimension).
     rows : numpy.ndarray
-        Those of the frames.
+        Rows of the frames.
     """
     first = position[:, :BODIES]
     gone = np.abs(np.diff(first[rows[0] : rows[-1] + 1], axis=0)).sum(axis=0)

@@ -1,4 +1,4 @@
-"""How backends compare on recorded subproblems: performance profiles, and errors."""
+"""Comparison of backends on recorded subproblems: performance profiles, and errors."""
 
 from typing import Any
 
@@ -15,17 +15,17 @@ ROUNDING = 1e-16
 
 
 def draw_profile(axes: Axes, data: xr.Dataset) -> None:
-    """Draw the share of problems that each backend solves within a factor of the fastest (Dolan and Moré 2002)."""
+    """Draw the share of problems that each backend solves within a factor of the least time (Dolan and Moré 2002)."""
     profile = performance_profile(data)
     draw_shares(axes, profile)
-    axes.set_xlabel("time over that of the fastest backend on the problem")
-    axes.set_ylabel("share of problems solved, verified")
+    axes.set_xlabel("time over the time of the fastest backend on the problem")
+    axes.set_ylabel("share of problems with a verified solution")
     tolerance = numeral(data.attrs["tolerance"])
     axes.set_title(f"performance profile ({data.sizes['problem']:,} problems, tolerance {tolerance})")
 
 
 def draw_shares(axes: Axes, profile: xr.DataArray) -> None:
-    """Draw what `performance_profile` returns, a line for each backend."""
+    """Draw the shares that `performance_profile` returns, a line for each backend."""
     ratio = profile["ratio"].values
     end = max(2.0, 1.5 * float(ratio[-1]))
     for index, name in enumerate(profile["backend"].values):
@@ -38,7 +38,7 @@ def draw_shares(axes: Axes, profile: xr.DataArray) -> None:
 
 
 def draw_errors(axes: Axes, data: xr.Dataset) -> None:
-    """Draw the share of problems that each backend solves to an error, |z − z*|, whatever it claims."""
+    """Draw the share of problems that each backend solves to an error |z − z*|, independent of the backend's claim."""
     smallest, largest = ROUNDING, 1.0
     for index, name in enumerate(data["backend"].values):
         errors = np.maximum(data["error"].isel(backend=index).values, ROUNDING)
@@ -56,7 +56,7 @@ def draw_errors(axes: Axes, data: xr.Dataset) -> None:
 
 
 def draw_replay(figure: Figure | SubFigure, data: xr.Dataset) -> None:
-    """Draw both side by side."""
+    """Draw performance profile and errors side by side."""
     left, right = figure.subplots(1, 2)
     draw_profile(left, data)
     draw_errors(right, data)

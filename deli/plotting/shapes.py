@@ -13,7 +13,7 @@ Point = np.ndarray
 
 
 def radii(scene: Scene) -> np.ndarray:
-    """Return the radius of each body, half the smallest distance it keeps from another; 0 where there is none."""
+    """Return the radius of each body, half its smallest distance from another body; 0 without such a constraint."""
     found = np.full(scene.bodies, np.inf)
     for family in _families(scene):
         if isinstance(family, SpheresApart) and family.pairs is None and np.size(family.distance) == 1:
@@ -25,7 +25,7 @@ def radii(scene: Scene) -> np.ndarray:
 
 
 def period(scene: Scene) -> np.ndarray:
-    """Return the length of the periodic box along each axis, 0 where there is none."""
+    """Return the length of the periodic box along each axis; 0 along an axis that is not periodic."""
     found = np.zeros(scene.dimension)
     for family in _families(scene):
         if isinstance(family, SpheresApart) and family.period is not None:
@@ -34,7 +34,7 @@ def period(scene: Scene) -> np.ndarray:
 
 
 def containers(scene: Scene) -> Iterator[tuple[Point, float]]:
-    """Yield centre and radius of each sphere that keeps bodies in or out, its wall where the bodies' surfaces end."""
+    """Yield centre and radius of each spherical wall, moved by the radii of bodies to touch their surfaces."""
     seen = set()
     size = radii(scene)
     for family in _families(scene):
@@ -50,14 +50,14 @@ def containers(scene: Scene) -> Iterator[tuple[Point, float]]:
 
 
 def containers_near(scene: Scene, paths: np.ndarray) -> Iterator[tuple[Point, float]]:
-    """Yield the containers that bodies come near to: a wall far beyond them would shrink them to a dot."""
+    """Yield the containers near the bodies; with a distant wall, the bodies would be drawn as a dot."""
     for centre, radius in containers(scene):
         if np.linalg.norm(paths - centre, axis=-1).max() >= 0.5 * radius:
             yield centre, radius
 
 
 def planes(scene: Scene) -> Iterator[tuple[np.ndarray, float]]:
-    """Yield unit normal and offset of each distinct plane, a wall where the bodies' surfaces end."""
+    """Yield unit normal and offset of each distinct plane, moved by the radii of bodies to touch their surfaces."""
     seen = set()
     size = radii(scene)
     for family in _families(scene):

@@ -1,4 +1,4 @@
-"""Bodies, rods and springs that move: artists made once, whose places change from frame to frame."""
+"""Moving bodies, rods and springs of a film: artists that are made once and change their places."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -20,28 +20,28 @@ ROD: Any = {"gid": "rods", "colors": "0.25", "linewidths": 1.4, "zorder": 2}
 SPRING: Any = {"gid": "springs", "colors": "0.25", "linewidths": 0.9, "linestyles": (0, (2, 1.5)), "zorder": 2}
 WALL = "0.2"
 POINT, FINEST, FEW = 50.0, 3.0, 8
-"""Areas in square points of a body without a radius: of one of a few, and of one of very many."""
+"""Marker areas in square points of a body without a radius (few bodies, very many), and the number of few bodies."""
 BAR = 0.56
 MANY = 200
-"""Bodies beyond which outlines are thin."""
+"""The number of bodies beyond which outlines are thin."""
 
 
 class Stage(ABC):
-    """What moves on one pair of axes.
+    """The moving artists of one pair of axes.
 
     Parameters
     ----------
     axes : matplotlib.axes.Axes
-        With their limits set and, in space, laid out.
+        Axes with their limits set and, in space, laid out.
     scene : Scene or None
-        Where rods and springs come from.
+        Scene with the rods and springs.
     radius : numpy.ndarray
-        Of each body, 0 of a point.
+        Radius of each body, 0 for a point.
 
     Attributes
     ----------
     artists : list of Artist
-        All that moves; their gid says what they are: bars, discs, balls, points, rods, springs.
+        All moving artists; their gid is bars, discs, balls, points, rods or springs.
     """
 
     def __init__(self, axes: Axes, scene: Scene | None, radius: np.ndarray) -> None:
@@ -52,7 +52,7 @@ class Stage(ABC):
         self.artists: list[Artist] = [*self._links, *self._bodies]
 
     def show(self, bodies: np.ndarray) -> None:
-        """Move everything; bodies are at places of shape (bodies, dimension)."""
+        """Move all artists to the places of the bodies, shape (bodies, dimension)."""
         if self._scene is not None:
             for artist, links in zip(self._links, (shapes.rods, shapes.springs), strict=True):
                 artist.set_segments(self._ends(links(self._scene, bodies)))
@@ -140,7 +140,7 @@ STAGES: dict[int, Callable[[Axes, Scene | None, np.ndarray], Stage]] = {1: LineS
 
 
 def _looks(bodies: np.ndarray) -> dict[str, Any]:
-    """Return colours, those of the plots; outlines are white, and thin where there are many."""
+    """Return the colours of the bodies, as in plots; outlines are white, and thin for many bodies."""
     faces = [color(int(body)) for body in bodies]
     return {"facecolors": faces, "edgecolors": "white", "linewidths": 0.8 if len(bodies) <= MANY else 0.15}
 
@@ -156,14 +156,14 @@ def _scatter(axes: Axes, bodies: np.ndarray) -> PathCollection:
 
 
 def _points_per_unit(axes: Any) -> float:
-    """Return how many points on paper a unit of length has in parallel projection."""
+    """Return the length on paper, in points, of a unit of length in parallel projection."""
     projection = axes.get_proj()
     pixels = axes.transData.get_matrix()[:2, :2] @ projection[:2, :3] / projection[3, 3]
     return float(np.linalg.svd(pixels, compute_uv=False)[0]) * 72.0 / axes.get_figure(root=True).dpi
 
 
 def draw_walls(axes: Any, scene: Scene, low: np.ndarray, high: np.ndarray, paths: np.ndarray) -> None:
-    """Draw what stands still within the limits ``low`` and ``high``: containers, planes, pivots."""
+    """Draw the fixed parts of a scene within the limits ``low`` and ``high``: containers, planes, pivots."""
     if scene.dimension == 1:
         for normal, offset in shapes.planes(scene):
             wall, beyond = offset / normal[0], low[0] if normal[0] > 0.0 else high[0]
@@ -186,7 +186,7 @@ def draw_walls(axes: Any, scene: Scene, low: np.ndarray, high: np.ndarray, paths
 
 
 def _draw_sides(axes: Any, planes: list[tuple[np.ndarray, float]], low: np.ndarray, high: np.ndarray) -> None:
-    """Draw planes in space, as far as those along the axes let one see."""
+    """Draw planes in space, cut off at the planes that are perpendicular to an axis."""
     for normal, offset in planes:
         for axis in np.flatnonzero(np.abs(normal) == 1.0):
             wall = offset * normal[axis]

@@ -1,4 +1,4 @@
-"""What all figures share: their style, their titles, where they may be written, and the scene they show."""
+"""The common parts of all figures: style, title, folder, and scene."""
 
 import os
 from pathlib import Path
@@ -44,7 +44,7 @@ def new_figure(size: tuple[float, float]) -> Figure:
 
 
 def run_title(run: xr.DataTree) -> str:
-    """Return what was run, and how it ended where it did not end well."""
+    """Return the title of a run, with its outcome if it is not complete."""
     title, outcome = run.attrs["title"], run.attrs["outcome"]
     if MEMBER in run.coords and not is_ensemble(run):
         title, outcome = f"{title}; {plain(name_of(run))}", str(run.variables["outcome"].values)
@@ -54,7 +54,7 @@ def run_title(run: xr.DataTree) -> str:
 
 
 def known_scene(run: xr.DataTree, scene: Scene | None) -> Scene | None:
-    """Return the scene to draw: the given one, or that of the run, or None where the run is of a user's own.
+    """Return the scene to draw: the given scene, or the scene of the run, or None for a user's own scene.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def check_folder(word: str, path: Path) -> None:
     Raises
     ------
     InputError
-        Naming the file by ``word`` and its path.
+        With ``word`` and the path of the file.
     """
     check_name(word, path)
     folder = path.resolve().parent

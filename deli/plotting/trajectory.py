@@ -1,4 +1,4 @@
-"""Where the bodies go: paths in the plane or in space, height over time on a line."""
+"""Trajectories of bodies: paths in the plane or in space, position over time in one dimension."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ RECENT, CLOSE_UP, LONG = 400, 300, 6000
 
 
 def draw_trajectory(figure: Figure | SubFigure, run: xr.DataTree, scene: Scene | None, series: Series = ALONE) -> None:
-    """Draw a run's positions with the scene's walls, rods, springs and radii, as far as they are known."""
+    """Draw a run's positions, with walls, rods, springs and radii if the scene is known."""
     recorded = dataset_of(run, TRAJECTORY)
     rows, dimension = recorded.sizes["time"], recorded.sizes["axis"]
     if dimension == 1 and rows > LONG:
@@ -36,12 +36,12 @@ def draw_trajectory(figure: Figure | SubFigure, run: xr.DataTree, scene: Scene |
 def draw_paths(
     axes: Any, run: xr.DataTree, scene: Scene | None, rows: int | None = None, series: Series = ALONE
 ) -> None:
-    """Draw a run's positions on axes, those of the first rows if so many are asked for.
+    """Draw a run's positions on axes; if `rows` is given, only the first rows.
 
     Raises
     ------
     InputError
-        If the run is in space and the axes are not, or the other way round.
+        If the axes and the run do not have the same dimension.
     """
     recorded = dataset_of(run, TRAJECTORY).isel(time=slice(rows))
     position, time = recorded["position"], recorded["time"].values
@@ -55,7 +55,7 @@ def draw_paths(
 
 
 def tells_apart(axes: Axes) -> bool:
-    """Whether a legend would tell the bodies apart: each has a colour of its own."""
+    """Tell whether each body has a colour of its own, so that a legend is useful."""
     return len(axes.get_legend_handles_labels()[1]) <= len(COLORS)
 
 
@@ -94,7 +94,7 @@ def _draw_plane(
 
 
 def draw_bodies(axes: Axes, scene: Scene | None, places: np.ndarray) -> None:
-    """Draw bodies at the given places in the plane, shape (bodies, 2), among what is known of the scene's walls."""
+    """Draw bodies at the given places in the plane, shape (bodies, 2), with the walls of a known scene."""
     size = np.zeros(len(places)) if scene is None else shapes.radii(scene)
     if scene is not None:
         for centre, radius in shapes.containers(scene):
@@ -139,7 +139,7 @@ def sphere() -> np.ndarray:
 
 
 def _draw_paths(axes: Any, paths: np.ndarray, series: Series) -> None:
-    """Draw the whole of each path palely, its last part strongly, its start open and its end filled."""
+    """Draw each path pale and its last part strong, with an open marker at the start and a filled one at the end."""
     for body in range(paths.shape[1]):
         path, hue = paths[:, body], series.looks(body)["hue"]
         if len(paths) > RECENT:

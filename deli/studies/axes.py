@@ -1,4 +1,4 @@
-"""Dimensions of a study: what varies along each, and what its positions are called."""
+"""Dimensions of a study: the config keys that vary along each, and the labels of its positions."""
 
 import math
 import numbers
@@ -22,7 +22,7 @@ SHORT_NAMES = {
     "solvers.default.tolerance": "solver_tolerance",
 }
 KEYWORDS = {"method", "tolerance", "drop"}
-"""What `xarray.Dataset.sel` would not take for a dimension."""
+"""Names that `xarray.Dataset.sel` does not take for dimensions."""
 RESERVED = {"state", "outcome", "note", "file", "label"}
 
 Label = str | int | float | bool
@@ -30,7 +30,7 @@ Label = str | int | float | bool
 
 @dataclass(frozen=True)
 class Position:
-    """One place along a dimension: its label, and what it changes in the base config, by dotted key."""
+    """One position along a dimension: its label, and its changes of the base config by dotted key."""
 
     label: Label
     changes: Mapping[str, Any]
@@ -45,7 +45,7 @@ class Dimension:
     positions: tuple[Position, ...]
 
     def matching(self, key: str, wanted: Any) -> set[int]:
-        """Positions whose label, or value of the config key, is `wanted` or one of a list of these."""
+        """Return the positions whose label, or value of the config key, is `wanted` or in the list `wanted`."""
         alternatives = wanted if isinstance(wanted, list) else [wanted]
         by_label = [index for index, position in enumerate(self.positions) if position.label in alternatives]
         if key == self.name and by_label:
@@ -59,7 +59,7 @@ class Dimension:
 
 
 def dimensions_of(table: StudyTable) -> tuple[Dimension, ...]:
-    """Return the dimensions: axes as they stand in the file, zips, cases.
+    """Return the dimensions: axes in the order of the file, zips, cases.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def dimensions_of(table: StudyTable) -> tuple[Dimension, ...]:
 
 
 def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
-    """Axes by dotted key, whether the file quotes the dots or not."""
+    """Yield the axes by dotted key, with or without quotes about the dots in the file."""
     for key, value in table.items():
         if isinstance(value, Mapping) and not AXIS_KEYS & set(value):
             yield from leaves(value, f"{prefix}{key}.")
@@ -93,7 +93,7 @@ def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, An
 
 
 def derived_name(key: str) -> str:
-    """Name of the dimension along which a config key varies."""
+    """Return the name of the dimension along which a config key varies."""
     parts = key.split(".")
     if key in SHORT_NAMES:
         return SHORT_NAMES[key]
@@ -103,7 +103,7 @@ def derived_name(key: str) -> str:
 
 
 def derived_label(value: Any) -> str:
-    """Words for a value: a table's strings as they are, its other entries with their keys."""
+    """Return words for a value: strings of a table as they are, its other entries with their keys."""
     if isinstance(value, Mapping):
         entries = flatten(value).items()
         return ", ".join(entry if isinstance(entry, str) else f"{key} = {_word(entry)}" for key, entry in entries)
@@ -159,7 +159,7 @@ def _named(entry: Any) -> tuple[Any, str | None]:
 
 
 def _labels(values: Sequence[Any], given: Sequence[str | None]) -> Sequence[Label]:
-    """Labels of an axis: numbers, truth values and words themselves, words where they are mixed or tables."""
+    """Return the labels of an axis: the values themselves if all are numbers or all truth values, else words."""
     plain = not any(label is not None for label in given)
     if plain and (all(isinstance(value, bool) for value in values) or all(map(_is_number, values))):
         return values
@@ -196,5 +196,5 @@ def _refuse_reserved(name: str) -> None:
     if name in RESERVED or name in METRICS or name in KEYWORDS:
         owner = "an argument of xarray's sel" if name in KEYWORDS else "a variable of the study's dataset"
         raise InputError(
-            f"dimension {name!r} is called like {owner}; name it otherwise: {{ name = ..., values = ... }}."
+            f"dimension {name!r} has the name of {owner}; give it another: {{ name = ..., values = ... }}."
         )

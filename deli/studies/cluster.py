@@ -1,4 +1,4 @@
-"""Cases on a Dask cluster: each of its workers supervises a worker process of deli's own, as `Local` does."""
+"""Cases on a Dask cluster: each Dask worker supervises worker processes of deli's own, as `Local` does."""
 
 import queue
 import time
@@ -25,9 +25,9 @@ LOOK_SECONDS = 0.5
 
 
 class Cluster:
-    """Runs cases on the workers of a Dask scheduler; see `deli.studies.running.Scheduler`.
+    """A scheduler of cases on Dask workers; see `deli.studies.running.Scheduler`.
 
-    A case whose Dask worker dies is run by another, from the last row that was committed.
+    If a Dask worker dies, another one continues its case from the last committed row.
     """
 
     def __init__(self, address: str, limits: LimitsTable) -> None:
@@ -55,11 +55,11 @@ class Cluster:
         future.add_done_callback(lambda done: self._end(order.digest, done))
 
     def stop(self) -> None:
-        """Interrupt what runs and begin nothing else; every submitted case has an event ``ended`` still."""
+        """Interrupt running cases and begin no others; every submitted case still has an event ``ended``."""
         self._stop.set()
 
     def close(self) -> None:
-        """Take leave of the cluster; its workers stay."""
+        """Disconnect from the cluster; its workers stay."""
         self._client.unregister_worker_plugin(self._topic)
         self._client.unsubscribe_topic(self._topic)
         self._client.close()
@@ -83,16 +83,16 @@ class _Crew(WorkerPlugin):
         self._limits = limits
 
     def setup(self, worker: "distributed.Worker") -> None:
-        """Begin without any."""
+        """Begin without supervisors."""
         self._idle: queue.SimpleQueue[Supervisor] = queue.SimpleQueue()
 
     def teardown(self, worker: "distributed.Worker") -> None:
-        """End the idle ones."""
+        """End the idle supervisors."""
         while not self._idle.empty():
             self._idle.get().close()
 
     def run(self, order: Order, report: Callable[[int], None], stopped: Callable[[], bool]) -> dict[str, Any]:
-        """Run a case by a supervisor that is free."""
+        """Run a case with a free supervisor."""
         try:
             supervisor = self._idle.get_nowait()
         except queue.Empty:

@@ -1,4 +1,4 @@
-"""What the metrics of a study say when cases are compared along its axes, in sentences computed from them."""
+"""Findings of a study that compare cases along its axes."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -10,20 +10,20 @@ from deli.studies.matching import PROBLEMS, SCENE, LeftOut, Matched, match, word
 from deli.studies.states import DONE, EXCLUDED
 
 SOLVER = "solver"
-SAME = 1.05  # cases within five per cent of each other count as equal
-LAW = 0.98  # squared correlation of logarithms from which on a power law is named
+SAME = 1.05  # the ratio below which numbers count as equal
+LAW = 0.98  # the squared correlation of logarithms above which a power law is named
 _SPENT = {"solver_time": "time inside solvers", "cpu_time": "CPU time of steps", "wall_time": "wall time"}
-ROUNDING = 1e-12  # a drift per reflected contact below which there is none
-MOST_PLACES = 8  # named in one sentence
+ROUNDING = 1e-12  # drifts per reflected contact up to here count as zero
+MOST_PLACES = 8  # the most that one sentence names
 
 
 def comparisons(study: xr.Dataset) -> list[str]:
-    """Sentences about time, energy, impacts and violations along each axis.
+    """Return sentences about times, energies, impacts and violations along each axis.
 
-    All are between the same cases: every combination of the labels that remain where those are left out with which
-    cases did not end (`deli.studies.matching.match`). A metric that is unknown in some of these, or zero where a
-    geometric mean is taken, leaves out more, and its sentence says so. So numbers by one axis agree with those by
-    another.
+    All comparisons are between the same cases: every combination of the labels that remain after labels with incomplete
+    cases have been left out (`deli.studies.matching.match`). Numbers by one axis therefore agree with those by another.
+    If a metric is unknown in some of these cases, or zero under a geometric mean, more labels are left out, and the
+    sentence names them.
 
     Parameters
     ----------
@@ -47,36 +47,41 @@ def comparisons(study: xr.Dataset) -> list[str]:
 
 
 def axes_of(study: xr.Dataset) -> list[str]:
-    """Return the axes along which cases are compared: those of several labels, but scenes and members."""
+    """Return the axes along which cases are compared: all axes of several labels, except scenes and members."""
     return [str(name) for name in study["state"].dims if study.sizes[name] > 1 and name not in PROBLEMS]
 
 
 def shortened(said: Sequence[str]) -> str:
-    """Return places in words, of many only the first."""
+    """Return places in words: the first ones, and the number of the others."""
     more = len(said) - MOST_PLACES
     return "; ".join(said[:MOST_PLACES]) + (f" and {more:,} more" if more > 0 else "")
 
 
 @dataclass(frozen=True)
 class _Metric:
-    """A metric of the cases that are compared in it, `values` being nan elsewhere."""
+    """A metric of the compared cases; `values` is nan in all other cases."""
 
     values: xr.DataArray
     matched: Matched
     left_out: str
 
+    @property
+    def units(self) -> str:
+        """Units of the metric, in the scene's own length, mass and time."""
+        return str(self.values.attrs["units"])
+
     def each(self, axis: str) -> str:
-        """Say over how many cases of each label a number is."""
+        """Return the number of cases behind the number of each label, in words."""
         count = self.matched.count // len(self.matched.places(axis))
         return f"{count:,} case{'s' if count > 1 else ''} each"
 
     def along(self, axis: str) -> xr.DataArray:
-        """Return the values at the labels of an axis that are compared."""
+        """Return the values at the compared labels of an axis."""
         return self.values.isel({axis: self.matched.places(axis)})
 
 
 def _metric(study: xr.Dataset, matched: Matched, name: str, logarithmic: bool) -> _Metric:
-    """A metric of matched cases where it is known, and positive if its logarithm is taken."""
+    """Return a metric of those matched cases in which it is known, and positive if its logarithm is taken."""
     known = study[name] > 0.0 if logarithmic else study[name].notnull()
     found = match(matched.cases, known)
     why = f"; left out where it is unknown{' or zero' if logarithmic else ''}: {_named(found.left_out)}"
@@ -85,10 +90,10 @@ def _metric(study: xr.Dataset, matched: Matched, name: str, logarithmic: bool) -
 
 
 def _left_out_of_all(study: xr.Dataset, matched: Matched) -> Iterator[str]:
-    """Say what is left out of all comparisons, if anything."""
+    """Name the labels that are left out of all comparisons, if any."""
     if matched.left_out:
         cases = int((study["state"] != EXCLUDED).sum())
-        why = f"left out because of cases that did not end or are excluded: {_named(matched.left_out)}"
+        why = f"left out because of cases that were not completed or are excluded: {_named(matched.left_out)}"
         yield f"Comparisons are between {matched.count:,} of {cases:,} cases; {why}."
 
 
@@ -97,7 +102,7 @@ def _named(left_out: Sequence[LeftOut]) -> str:
 
 
 def _time(study: xr.Dataset, axis: str) -> str:
-    """Name the time that solvers are compared by, or everything else."""
+    """Return the name of the time to compare: time inside solvers along an axis of solvers, else of whole runs."""
     if _of_solvers(study, axis):
         return "solver_time"
     return "cpu_time" if "cpu_time" in study else "wall_time"
@@ -112,29 +117,30 @@ def _times(metric: _Metric, axis: str) -> Iterator[str]:
     spent = _SPENT[str(metric.values.name)]
     (first, least), *others = sorted(means.items(), key=lambda entry: entry[1])
     if others[-1][1] / least < SAME:
-        compared = f"within {100 * (SAME - 1):.0f} %, {metric.each(axis)}{metric.left_out}"
-        yield f"{spent[0].upper()}{spent[1:]} does not depend on {axis} ({compared})."
+        compared = f"geometric means of {metric.each(axis)}, equal within {100 * (SAME - 1):.0f} %{metric.left_out}"
+        yield f"The {spent} does not depend on {axis} ({compared})."
         return
-    told = ", ".join(f"{label} {mean / least:.3g}" for label, mean in others)
-    how = f"geometric mean of {metric.each(axis)}{metric.left_out}"
-    yield f"Along {axis}, {first} takes the least {spent}; times as much ({how}): {told}."
+    told = ", ".join(f"{mean / least:.3g} with {label}" for label, mean in others)
+    how = f"geometric means of {metric.each(axis)}{metric.left_out}"
+    yield f"The {spent} by {axis} is least with {first}, {least:.3g} s; it is longer by a factor of {told} ({how})."
 
 
 def _bands(metric: _Metric, axis: str) -> Iterator[str]:
     band = metric.along(axis)
     if float((band.max(axis) / band.min(axis)).max()) < SAME:
-        compared = f"within {100 * (SAME - 1):.0f} % in all {metric.matched.count:,} cases compared{metric.left_out}"
+        compared = f"{metric.matched.count:,} cases compared, equal within {100 * (SAME - 1):.0f} %{metric.left_out}"
         yield f"The energy band does not depend on {axis} ({compared})."
         return
     means = _geometric(metric, axis)
-    told = ", ".join(f"{label} {mean:.2e}" for label, mean in means.items())
+    told = ", ".join(f"{mean:.2e} with {label}" for label, mean in means.items())
     order = _order(band[axis].values, np.array(list(means.values())))
-    law = "" if order is None else f", about {axis}^{order:.2g}"
-    yield f"Energy band by {axis} (geometric mean of {metric.each(axis)}{metric.left_out}): {told}{law}."
+    law = "" if order is None else f"; it varies about as {axis}^{order:.2g}"
+    how = f"geometric means of {metric.each(axis)}{metric.left_out}"
+    yield f"The energy band [{metric.units}] by {axis} is {told}{law} ({how})."
 
 
 def _impacts(metric: _Metric, axis: str) -> Iterator[str]:
-    """What a reflection does to the energy by a choice of the method, scene by scene."""
+    """Say how the energy drift per reflected contact depends on a choice of the method, scene by scene."""
     moved = metric.along(axis)
     if axis == SOLVER or np.issubdtype(moved[axis].dtype, np.number):
         return
@@ -145,37 +151,39 @@ def _impacts(metric: _Metric, axis: str) -> Iterator[str]:
         row = xr.DataArray(np.sqrt((part**2).mean(others)))
         if row.max() > max(SAME * float(row.min()), ROUNDING):
             means = ", ".join(
-                f"{word(label)} {value:.1e}" for label, value in zip(row[axis].values, row.values, strict=True)
+                f"{value:.1e} with {word(label)}" for label, value in zip(row[axis].values, row.values, strict=True)
             )
             count = f"{int(part.notnull().sum()) // row.size:,} cases each"
-            told.append(f"{means} ({count})" if scene is None else f"{scene} {means} ({count})")
+            told.append(f"{means} ({count})" if scene is None else f"in {scene} {means} ({count})")
     if told:
-        yield f"Energy drift per reflected contact by {axis} (root mean square{metric.left_out}): {'; '.join(told)}."
+        name = f"The energy drift per reflected contact [{metric.units}] by {axis} (root mean square{metric.left_out})"
+        yield f"{name} is {'; '.join(told)}."
     else:
         compared = f"{metric.matched.count:,} cases compared{metric.left_out}"
         yield f"The energy drift per reflected contact does not depend on {axis} ({compared})."
 
 
 def _violated(metric: _Metric, axis: str) -> Iterator[str]:
-    """Along which axes the worst violation is another by more than a factor of ten."""
+    """State the worst violations along an axis if they differ by more than a factor of ten."""
     values = metric.along(axis)
     worst = values.max([name for name in values.dims if name != axis])
     if worst.max() > 10.0 * worst.min():
         told = ", ".join(
-            f"{word(label)} {float(value):.1e}" for label, value in zip(worst[axis].values, worst, strict=True)
+            f"{float(value):.1e} with {word(label)}" for label, value in zip(worst[axis].values, worst, strict=True)
         )
-        yield f"The worst violation by {axis} (of {metric.each(axis)}{metric.left_out}): {told}."
+        count = f"{metric.each(axis)}{metric.left_out}"
+        yield f"The worst violation [{metric.units}] by {axis} is {told} ({count})."
 
 
 def _geometric(metric: _Metric, axis: str) -> dict[str, float]:
-    """Geometric mean of a metric by label along an axis."""
+    """Return the geometric mean of a metric by label along an axis."""
     values = metric.along(axis)
     means = xr.DataArray(np.log(values)).mean([name for name in values.dims if name != axis])
     return {word(label): float(np.exp(mean)) for label, mean in zip(means[axis].values, means.values, strict=True)}
 
 
 def _order(labels: np.ndarray, means: np.ndarray) -> float | None:
-    """Exponent of the power law that the means follow along a numeric axis, None where they follow none."""
+    """Return the exponent of the power law of the means along a numeric axis, or None if they follow none."""
     if not np.issubdtype(labels.dtype, np.number) or len(labels) < 3 or labels.min() <= 0:
         return None
     x, y = np.log(labels), np.log(means)
@@ -190,4 +198,4 @@ _COMPARED: tuple[tuple[_Teller, str | Callable[[xr.Dataset, str], str], bool], .
     (_impacts, "drift_per_impact", False),
     (_violated, "violation_worst", False),
 )
-"""What is compared along axes, of which metric, and whether of its logarithm."""
+"""The comparisons along axes: a function that makes sentences, its metric, and whether its logarithm is compared."""

@@ -1,4 +1,4 @@
-"""How a running study looks: a live table on a terminal, a line for each end elsewhere."""
+"""The display of a running study: a live table on a terminal, elsewhere a line for each run that ends."""
 
 import sys
 import time
@@ -21,7 +21,7 @@ REFRESH_SECONDS = 0.25
 
 @dataclass
 class _Shown:
-    """A run under way: when it was begun, and from which time and step on it is known to take steps."""
+    """A run under way: the time of its beginning, and the time and step of its first report."""
 
     decision: Decision
     begun: float
@@ -30,22 +30,22 @@ class _Shown:
     warm: tuple[float, int] | None = None
 
     def take(self, step: int) -> None:
-        """Hear of a step; the first comes once what the run needs is compiled and loaded."""
+        """Note a step; the first report comes after the run's code is compiled and loaded."""
         self.step, self.heard = step, time.monotonic()
         self.warm = self.warm or (self.heard, step)
 
     @property
     def spent(self) -> tuple[float, int]:
-        """Seconds and steps since it is warm."""
+        """Seconds and steps since the first report."""
         since, first = self.warm or (self.heard, self.step)
         return self.heard - since, self.step - first
 
 
 class Board:
-    """Shows what runs, what has ended and about how long the rest takes; progress is counted in steps.
+    """A watcher that shows running and ended runs and estimates the remaining time; progress is counted in steps.
 
-    On a terminal, a live table on standard error; elsewhere a line on standard output for each run that has ended.
-    How long steps take is known from those that runs took after compiling and loading.
+    On a terminal it is a live table on standard error, elsewhere a line on standard output for each run that ends. The
+    estimate uses the steps that runs took after compiling and loading.
     """
 
     def __init__(self, decisions: Sequence[Decision]) -> None:
@@ -120,7 +120,7 @@ class Board:
         return self._behind + sum(shown.step for shown in self._running.values())
 
     def _left(self) -> str:
-        """Say how long the steps that are left take, by as many runs at once as there were."""
+        """Estimate the time of the remaining steps, with as many runs at once as so far."""
         spent = [shown.spent for shown in self._running.values()]
         seconds, taken = self._seconds + sum(s for s, _ in spent), self._taken + sum(n for _, n in spent)
         if not taken:
@@ -139,10 +139,10 @@ class Board:
 
 
 def reasons(decisions: Sequence[Decision]) -> str:
-    """Say in a line what is to be done, and why."""
+    """Say in a line how many runs are to be done, and why."""
     todo = [decision for decision in decisions if decision.action != KEEP]
     if not todo:
-        return f"nothing to do: all {len(decisions)} runs are there"
+        return f"nothing to do: all {len(decisions)} runs are recorded"
     counts = Counter(decision.why.partition(":")[0] for decision in todo)
     said = ", ".join(f"{count} {why}" for why, count in counts.items())
     return f"{len(todo)} of {len(decisions)} runs to do: {said}"

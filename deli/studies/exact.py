@@ -1,4 +1,4 @@
-"""Closed forms to compare a study's cases with, in the place of a finer run."""
+"""Closed forms as references of a study's cases, in the place of a finer run."""
 
 import numpy as np
 import xarray as xr
@@ -8,16 +8,16 @@ from deli.recording.provenance import scene_of
 from deli.recording.schema import TRAJECTORY, dataset_of
 
 BY_SCENE = {"point_mass": "bouncing_ball", "hard_rods": "passing_points"}
-"""Names of closed forms in `deli.figures.exact`, by the scene's."""
+"""Names of closed forms in `deli.figures.exact`, by the name of the scene."""
 
 
 def require_exact(scene: str) -> None:
-    """Refuse a scene whose motion is not known in closed form.
+    """Refuse a scene without a closed form of its motion.
 
     Raises
     ------
     InputError
-        Naming those that are.
+        With the names of the scenes that have one.
     """
     if scene not in BY_SCENE:
         raise InputError(
@@ -27,8 +27,8 @@ def require_exact(scene: str) -> None:
 
 
 def exact_run(run: xr.DataTree) -> xr.DataTree:
-    """Return the closed form at a run's times, as far as `deli.metrics.measure` reads a reference."""
-    from deli.figures.exact import SOLUTIONS  # with it comes matplotlib, which no worker needs
+    """Return the closed form at a run's times, with the variables that `deli.metrics.measure` reads of a reference."""
+    from deli.figures.exact import SOLUTIONS  # it imports matplotlib, which no worker needs
 
     scene = scene_of(run)
     if scene is None:

@@ -1,4 +1,4 @@
-"""From a study file to its cases: every admissible combination, each with a complete config and its digest."""
+"""Expansion of a study file to its cases: every admissible combination, with a complete config and its digest."""
 
 import hashlib
 import itertools
@@ -28,11 +28,11 @@ class Case:
     Attributes
     ----------
     labels : dict
-        Where it stands, by dimension; empty for a reference.
+        Labels of the case by dimension; empty for a reference.
     config : dict
-        The run as a config with every default spelled out.
+        The config of the run with every default spelled out.
     digest : str
-        Names the case by its config.
+        Name of the case, computed from its config.
     """
 
     labels: Mapping[str, Label]
@@ -41,12 +41,12 @@ class Case:
 
     @property
     def steps(self) -> int:
-        """Integration steps."""
+        """Number of integration steps."""
         return int(self.config["steps"])
 
     @property
     def title(self) -> str:
-        """Its place in words."""
+        """Labels of the case in words."""
         return title_of(self.labels) if self.labels else f"reference {self.digest}"
 
 
@@ -57,12 +57,12 @@ class Study:
     Attributes
     ----------
     title, text : str
-        What it is about, and the file as it was read.
+        Title, and the text of the file.
     dimensions : tuple of Dimension
     cases : tuple of Case
-        Those that are not excluded, in the order of the product.
+        All cases except the excluded ones, in the order of the product.
     references : dict
-        By the digest of a case, the case it is compared with.
+        Reference of a case by the digest of the case.
     exact : bool
         Whether cases are compared with the scene's closed form.
     limits : LimitsTable
@@ -83,25 +83,25 @@ class Study:
 
     @property
     def runs(self) -> dict[str, Case]:
-        """What is to be run by digest, references first: the others are measured against them."""
+        """All runs by digest, references first because other cases are compared with them."""
         ordered = [*self.references.values(), *self.cases]
         named = {case.digest: case for case in self.cases}
         return {case.digest: named.get(case.digest, case) for case in ordered}
 
 
 def title_of(labels: Mapping[str, Label]) -> str:
-    """Say where a case stands."""
+    """Return the labels of a case in words."""
     return ", ".join(f"{name} = {label}" for name, label in labels.items())
 
 
 def load(path: Path, quick: bool = False) -> Study:
-    """Read a study file; `quick` puts what its table ``[quick]`` says in the place of the rest.
+    """Read a study file; with `quick`, entries of its table ``[quick]`` replace those of the file.
 
     Raises
     ------
     InputError
-        If it cannot be read or is not TOML, for what a study file may not say, and for a case whose config
-        `deli.config.parse` or `deli.simulate` refuses. Nothing has been computed then.
+        If the file cannot be read or is not TOML, if a key or a value is not allowed, or if `deli.config.parse` or
+        `deli.simulate` refuses the config of a case. Nothing has been computed then.
     """
     text, found = read_toml(path)
     try:
@@ -114,7 +114,7 @@ def load(path: Path, quick: bool = False) -> Study:
 
 
 def _merged(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """The table with changes: tables are merged, everything else is replaced."""
+    """Return a table with changes: tables are merged, all other values are replaced."""
     merged = dict(table)
     for key, value in changes.items():
         known = merged.get(key)
@@ -124,7 +124,7 @@ def _merged(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, A
 
 
 def make_study(found: Mapping[str, Any], folder: Path, text: str = "", name: str = "study") -> Study:
-    """Check a study's table and make its cases; `folder` is where the base's path starts.
+    """Check a study's table and make its cases; the path of `base` is relative to `folder`.
 
     Raises
     ------
@@ -162,7 +162,7 @@ def make_study(found: Mapping[str, Any], folder: Path, text: str = "", name: str
 
 
 def digest_of(settings: Mapping[str, Any]) -> str:
-    """Name a config by its content, whatever the order of its keys; 1 and 1.0 are one number."""
+    """Return a name for a config from its content, in any order of keys; 1 and 1.0 are one number."""
     text = json.dumps(_canonical(settings), sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]
 
@@ -189,7 +189,7 @@ def _base(found: str | dict[str, Any], folder: Path) -> dict[str, Any]:
 def _combinations(
     dimensions: tuple[Dimension, ...], table: StudyTable
 ) -> Iterator[tuple[dict[str, Label], dict[str, Any]]]:
-    """Labels and changes of the combinations that are not excluded."""
+    """Yield labels and changes of all combinations except the excluded ones."""
     excluded = [_exclusion(f"exclude.{index}", entry, dimensions) for index, entry in enumerate(table.exclude)]
     for index in itertools.product(*(range(len(dimension.positions)) for dimension in dimensions)):
         if any(all(index[axis] in places for axis, places in rule.items()) for rule in excluded):
@@ -221,7 +221,7 @@ def _case(settings: Mapping[str, Any], labels: Mapping[str, Label]) -> Case:
 
 
 def _reference(settings: Mapping[str, Any], change: Mapping[str, Any], case: Case) -> Case:
-    """The run that a case is compared with; it lasts as long where only its step size is another."""
+    """Return the reference of a case; if it only changes the step size, it lasts as long as the case."""
     length = case.config["steps"] * case.config["step_size"]
     copy = expand(settings)
     if "steps" in copy and "step_size" in change:
@@ -236,7 +236,7 @@ def _reference(settings: Mapping[str, Any], change: Mapping[str, Any], case: Cas
 
 
 def _exclusion(path: str, entry: Mapping[str, Any], dimensions: tuple[Dimension, ...]) -> dict[int, set[int]]:
-    """Positions by number of the dimension that an entry of ``[[exclude]]`` matches."""
+    """Return the positions that an entry of ``[[exclude]]`` matches, by number of the dimension."""
     rule: dict[int, set[int]] = {}
     for key, wanted in leaves(entry):
         owners = [axis for axis, dimension in enumerate(dimensions) if key == dimension.name or key in dimension.keys]

@@ -1,4 +1,4 @@
-"""What lies where in a study's folder, and how it gets there."""
+"""The layout of a study's folder."""
 
 import json
 from pathlib import Path
@@ -16,7 +16,7 @@ def run_path(folder: Path, digest: str) -> Path:
 
 
 def config_path(run: Path) -> Path:
-    """Return the config beside a run, to run it alone."""
+    """Return the file of a run's config, with which ``deli run`` repeats the run alone."""
     return run.with_suffix(".toml")
 
 

@@ -1,4 +1,4 @@
-"""Cases on this machine: threads that supervise one worker process each."""
+"""Cases on this machine: threads, each of which supervises one worker process."""
 
 import os
 import queue
@@ -11,21 +11,21 @@ from deli.studies.supervisor import Supervisor
 from deli.studies.worker import Order
 
 Event = tuple[str, str, Any]
-"""What happened to a run: ``started``, ``step`` or ``ended``, its digest, and a step or how it ended."""
+"""An event of a run: ``started``, ``step`` or ``ended``, the run's digest, and the step or the end."""
 
 
 def cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Local:
-    """Runs cases on worker processes of this machine.
+    """A scheduler of cases on worker processes of this machine.
 
     Attributes
     ----------
     events : queue
-        What happens, as `Event`.
+        Events of the runs, see `Event`.
     workers : int
     """
 
@@ -44,7 +44,7 @@ class Local:
             self._threads[-1].start()
 
     def stop(self) -> None:
-        """Interrupt what runs and begin nothing else; every submitted case has an event ``ended`` still."""
+        """Interrupt running cases and begin no others; every submitted case still has an event ``ended``."""
         self._stopped.set()
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""What a study's folder knows of its cases: ``manifest.json``, written as a whole."""
+"""The manifest of a study's folder, ``manifest.json``, which is always replaced as a whole."""
 
 import json
 import os
@@ -20,11 +20,11 @@ FORMAT = 1
 SECONDS_BETWEEN_WRITES = 0.5
 
 Record = dict[str, Any]
-"""Of one run: state, reason, steps, seconds, and where it ended: versions, machine, load."""
+"""The record of one run: state, reason, steps, seconds, and after its end versions, machine and load."""
 
 
 class Manifest:
-    """The manifest of a study that runs.
+    """The manifest of a running study.
 
     Attributes
     ----------
@@ -64,14 +64,14 @@ class Manifest:
         }
 
     def set(self, digest: str, **changes: Any) -> None:
-        """Change a run's record; an end is written at once, a beginning by `keep_up`."""
+        """Change a run's record; write an end at once, and leave a beginning to `keep_up`."""
         self.runs[digest] |= changes
         self._behind = True
         if changes.get("state") != RUNNING:
             self.write()
 
     def keep_up(self) -> None:
-        """Write what has changed, if that was not done a moment ago."""
+        """Write the manifest if it has changed, at most every `SECONDS_BETWEEN_WRITES`."""
         if self._behind and time.monotonic() - self._written > SECONDS_BETWEEN_WRITES:
             self.write()
 
@@ -93,12 +93,12 @@ def _circumstances() -> dict[str, Any]:
 
 
 def read_manifest(folder: Path) -> dict[str, Any] | None:
-    """Read a folder's manifest, or return None where there is none.
+    """Read a folder's manifest, or return None if there is none.
 
     Raises
     ------
     InputError
-        If it cannot be read, or is of another version of deli.
+        If the manifest cannot be read, is damaged, or has another format.
     """
     path = folder / MANIFEST
     if not path.exists():

@@ -1,4 +1,4 @@
-"""What a manifest that deli wrote says, as pydantic models: what others read in it is there, and fits together."""
+"""The shape of a manifest as pydantic models, which refuse manifests with missing or inconsistent entries."""
 
 import tomllib
 from collections.abc import Mapping
@@ -76,7 +76,7 @@ class _Manifest(_Part):
         for each in self.dimensions:
             for position in each.positions:
                 if len(each.keys) > 1 and not set(each.keys) <= set(position.changes):
-                    raise ValueError(f"the position {position.label!r} of {each.name} does not say what it changes")
+                    raise ValueError(f"the position {position.label!r} of {each.name} lacks changes")
         for case in self.cases:
             if set(case.labels) != set(allowed) or any(
                 label not in allowed[name] for name, label in case.labels.items()
@@ -93,7 +93,7 @@ def check_manifest(found: Mapping[str, Any], path: Path) -> None:
     Raises
     ------
     InputError
-        Naming what is wrong with it, and what to do.
+        With the damaged entry, and a remedy.
     """
     try:
         _Manifest.model_validate(found)
@@ -101,6 +101,6 @@ def check_manifest(found: Mapping[str, Any], path: Path) -> None:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"])) or "the whole"
         raise InputError(
-            f"{path} is damaged: {place:.200}: {first['msg']:.300}. Move it away; deli study makes it anew of the runs "
-            "that are there."
+            f"{path} is damaged: {place:.200}: {first['msg']:.300}. Move it away; deli study then makes a new one from "
+            "the recorded runs."
         ) from error

@@ -1,4 +1,4 @@
-"""Cases that can be compared with each other: like with like, along every axis at once."""
+"""Cases of a study that can be compared along every axis at once."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,19 +11,19 @@ from deli.numerals import numeral
 
 SCENE, MEMBERS = "scene", "seed"
 PROBLEMS = (SCENE, MEMBERS)
-"""Axes whose labels are problems that all others are tried on: they are not compared with each other."""
+"""Axes whose labels are problems, on which the labels of all other axes are tried; problems are not compared."""
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A label without which cases are compared.
+    """A label that is left out of comparisons.
 
     Attributes
     ----------
     place : str
         The label in words, such as ``solver = highs``.
     missing, cases : int
-        How many of its cases have no value or are excluded, and how many it has.
+        Number of its cases that have no value or are excluded, and number of all its cases.
     """
 
     place: str
@@ -33,17 +33,17 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Matched:
-    """Cases of a study that differ from each other along its axes in every combination.
+    """Cases of a study that are all combinations of some labels of its axes.
 
-    A mean over the cases of one label is one over the same labels of all other axes as that of any other label, and
-    means along one axis have the same mean as those along another.
+    The mean of any label is therefore a mean over the same labels of all other axes, and the means along one axis have
+    the same mean as the means along any other axis.
 
     Attributes
     ----------
     cases : xarray.DataArray
-        Whether a case is one of them, on the study's axes.
+        Whether a case is compared, on the study's axes.
     left_out : tuple of LeftOut
-        The labels that had to be left out, because some of their cases have no value.
+        The labels that are left out because some of their cases have no value.
     """
 
     cases: xr.DataArray
@@ -51,27 +51,27 @@ class Matched:
 
     @property
     def count(self) -> int:
-        """How many cases there are."""
+        """Number of compared cases."""
         return int(self.cases.sum())
 
     def places(self, axis: str) -> np.ndarray:
-        """Return the positions along an axis that have cases; labels that are truth values would make a mask."""
+        """Return the positions along an axis with compared cases (labels that are truth values would be a mask)."""
         others = [name for name in self.cases.dims if name != axis]
         return np.flatnonzero(self.cases.any(others).values)
 
 
 def match(among: xr.DataArray, known: xr.DataArray) -> Matched:
-    """Find the cases to compare: all combinations of some labels, each of which has a value.
+    """Find the cases to compare: all combinations of some labels, such that every combination has a value.
 
-    Labels are left out one by one, the one with the largest share of missing cases first, so that a solver that fails
-    is left out and not the scenes that it fails on, and a step size at which most methods fail and not the methods. An
-    axis keeps two labels as long as another one can spare some. Scenes and members of an ensemble (`PROBLEMS`) go
-    together, since one scene has other members than the next.
+    Labels are left out one by one, the label with the largest share of missing cases first. A failing solver is thus
+    left out rather than the scenes on which it fails, and a step size at which most methods fail rather than the
+    methods. An axis keeps two labels as long as another axis has more. A scene and a member of an ensemble (`PROBLEMS`)
+    are left out together, because scenes have different members.
 
     Parameters
     ----------
     among : xarray.DataArray
-        Whether a case may be one of them, on the study's axes; labels of which no case may are not spoken of.
+        Whether a case may be compared, on the study's axes; labels without such a case are not reported as left out.
     known : xarray.DataArray
         Whether a case has a value, on the study's axes.
 
@@ -128,7 +128,7 @@ def _others(dimensions: int, axis: int) -> tuple[int, ...]:
 
 
 def _worst(known: np.ndarray) -> tuple[int, int]:
-    """Return axis and place of the label to leave out: that with the largest share of missing cases."""
+    """Return axis and position of the label to leave out: the label with the largest share of missing cases."""
     found = []
     for axis in range(known.ndim):
         missing = 1.0 - known.mean(axis=_others(known.ndim, axis))

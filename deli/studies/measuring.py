@@ -1,4 +1,4 @@
-"""The metrics of a case's run, kept beside it."""
+"""The metrics of a case's run, in a file beside the run."""
 
 import functools
 import hashlib
@@ -26,17 +26,17 @@ EXACT = "exact"
 
 @dataclass(frozen=True)
 class Measured:
-    """What stands beside a run.
+    """The content of the file of metrics beside a run.
 
     Attributes
     ----------
     definition : str
-        Names what the metrics were computed by.
+        Name of the definition by which the metrics were computed.
     reference : str or None
-        Digest of the run it was compared with, or ``exact``.
+        Digest of the reference, or ``exact``.
     metrics : dict
     note : str
-        Why there is no trajectory error, where one was wanted.
+        Reason for a missing trajectory error, if the study has a reference.
     """
 
     definition: str
@@ -50,7 +50,7 @@ _measured = TypeAdapter(Measured)
 
 @functools.cache
 def definition() -> str:
-    """Name the present definition of the metrics."""
+    """Return a name for the present definition of the metrics: a digest of its sources."""
     sources = [
         *sorted(Path(inspect.getfile(metrics)).parent.glob("*.py")),
         Path(inspect.getfile(exact)),
@@ -60,12 +60,12 @@ def definition() -> str:
 
 
 def measured(run: Path) -> Measured | None:
-    """Read what stands beside a run, or None where nothing does.
+    """Read the metrics beside a run, or return None if there are none.
 
     Raises
     ------
     InputError
-        If it is damaged.
+        If the file is damaged.
     """
     path = metrics_path(run)
     if not path.exists():
@@ -79,7 +79,7 @@ def measured(run: Path) -> Measured | None:
 
 
 def measure(path: Path, run: xr.DataTree, reference: str | None, timed: Plan | None = None) -> Measured:
-    """Measure a run against what `reference` names, and write that beside it; time the steps of the plan `timed`."""
+    """Measure a run against its reference, time the steps of the plan `timed`, and write both beside the run."""
     against, note = _reference(path, run, reference)
     try:
         found = metrics.measure(run, against)

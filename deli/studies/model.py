@@ -1,4 +1,4 @@
-"""What a study file may say, as pydantic models."""
+"""The shape of a study file as pydantic models."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any
@@ -14,7 +14,7 @@ from deli.studies.plot_tables import Plot
 
 AXIS_KEYS = {"values", "count"}
 MOST_CASES = 20_000
-"""Combinations of a study: each is a run with files of its own, and checking so many takes minutes."""
+"""The most combinations of a study: each is a run with files of its own, and checking so many takes minutes."""
 MOST_WORKERS = 1000
 INSTALLED = "installed"
 BACKEND_KEYS = {"solvers", "solvers.default", "solvers.default.backend"}
@@ -22,7 +22,7 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$")]
 
 
 class AxisTable(Table):
-    """Values of one config key, ``count = n`` for 0, 1, ... n - 1 (seeds), and the dimension's name if not derived."""
+    """Values of one config key, or ``count = n`` for 0, 1, ... n - 1 (seeds), and a name for the dimension."""
 
     values: Annotated[list[Any], Field(min_length=1)] | None = None
     count: int | None = Field(default=None, ge=1, le=MOST_CASES)
@@ -36,7 +36,7 @@ class AxisTable(Table):
 
     @property
     def entries(self) -> list[Any]:
-        """The values."""
+        """Values along the axis."""
         return list(range(self.count)) if self.count is not None else list(self.values or ())
 
 
@@ -61,20 +61,21 @@ def _memory(value: Any) -> Any:
 
 
 class LimitsTable(Table):
-    """What one case may take: seconds, and memory of its process (deli's own 300 MB or so included)."""
+    """Limits of one case: seconds, and memory of its process, which includes some 300 MB of deli's own."""
 
     time: float | None = Field(default=None, gt=0)
     memory: Annotated[int, BeforeValidator(_memory)] | None = None
 
 
 class StudyTable(Table):
-    """Everything in a study file.
+    """The content of a study file.
 
-    `base` is a config (a table, or a file's path relative to the study file). `axes` are multiplied, and so are `zip`,
-    each of which is one dimension, and `cases`, a list of changes by hand. What matches an entry of `exclude` is left
-    out. `reference` changes a case's config into that of the run it is compared with; ``{exact = true}`` compares with
-    the scene's closed form. `time_steps` has the steps of each case timed, by CPU time and with nothing recorded:
-    metrics `cpu_time` and `recording_time`. `plots` are those of the study's report.
+    `base` is a config (a table, or a file's path relative to the study file). The cases are the product of all `axes`,
+    of all entries of `zip`, each of which is one dimension, and of `cases`, a list of changes by hand. Cases that match
+    an entry of `exclude` are left out. `reference` changes the config of a case into the config of its reference run;
+    ``{exact = true}`` compares the case with the closed form of its scene. With `time_steps`, the steps of each case
+    are timed by CPU time, without recording: metrics `cpu_time` and `recording_time`. `plots` are the plots of the
+    study's report.
     """
 
     title: str = ""
@@ -96,7 +97,7 @@ def check_table(found: Mapping[str, Any]) -> StudyTable:
     Raises
     ------
     InputError
-        Naming the key's path, what was found and what is allowed.
+        With the key's path, the value found and the values allowed.
     """
     refuse_unusable(found)
     try:
@@ -106,7 +107,7 @@ def check_table(found: Mapping[str, Any]) -> StudyTable:
 
 
 def check_axis(key: str, found: Any) -> AxisTable:
-    """Check one entry of ``[axes]``: a list of values, a table of its own, or all backends that are installed.
+    """Check one entry of ``[axes]``: a list of values, a table of its own, or all installed backends.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A study's folder as one dataset: metrics along the study's axes, and the runs behind them."""
+"""The dataset of a study's folder: metrics along the study's axes, and the runs behind them."""
 
 import logging
 import os
@@ -35,17 +35,42 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        On the study's axes: the metrics of `deli.metrics.measure`, nan where a case did not finish, and `cpu_time` and
-        `recording_time` where the study has ``time_steps``; `state`, which is
-        ``done``, ``failed``, ``timed out``, ``out of memory``, ``killed``, ``interrupted``, ``running``, ``waiting`` or
-        ``excluded``; `outcome`, which is ``complete``, empty where the study excludes a case, and else says what
-        happened; `note`, why a case was not compared with its reference; `file`. Runs are read when asked for:
-        ``study.deli.run(solver="daqp", step_size=0.1)`` is what `open_run` makes of one's file.
+        Variables on the study's axes:
+
+        - the metrics of `deli.metrics.measure`, nan for an unfinished case; also `cpu_time` and `recording_time` [s] if
+          the study has ``time_steps``;
+        - `state`: ``done``, ``failed``, ``timed out``, ``out of memory``, ``killed``, ``interrupted``, ``running``,
+          ``waiting`` or ``excluded``;
+        - `outcome`: ``complete``, a reason in words, or empty for an excluded case;
+        - `note`: the reason for a missing comparison with the reference;
+        - `file`: the file of the run, relative to the folder.
+
+        ``study.deli.run(solver="daqp", step_size=0.1)`` reads the run of one case, as `deli.open_run` does.
 
     Raises
     ------
     InputError
-        If the folder holds no study.
+        If the folder holds no study, or its manifest or a file of metrics is damaged.
+
+    Examples
+    --------
+    The folder is one that ``deli study`` wrote; here two cases are run from Python.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import deli
+    >>> from deli.studies.expansion import make_study
+    >>> from deli.studies.running import run_study
+    >>> place = TemporaryDirectory()
+    >>> folder = Path(place.name, "steps")
+    >>> base = {"scene": "point_mass", "duration": 1.0}
+    >>> result = run_study(make_study({"base": base, "axes": {"step_size": [0.1, 0.05]}}, folder), folder, workers=1)
+    >>> study = deli.open_study(folder)
+    >>> study["state"].values.tolist(), study["steps"].values.tolist()
+    (['done', 'done'], [10.0, 20.0])
+    >>> study.deli.run(step_size=0.05)["trajectory"].sizes["time"]
+    21
+    >>> place.cleanup()
     """
     folder = Path(path)
     manifest = read_manifest(folder)
@@ -95,26 +120,26 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
 
 @xr.register_dataset_accessor("deli")
 class StudyAccessor:
-    """What a study's dataset can do besides what datasets do."""
+    """Access to the runs of a study's dataset, as ``study.deli``."""
 
     def __init__(self, dataset: xr.Dataset) -> None:
         self._dataset = dataset
 
     def run(self, **labels: Any) -> xr.DataTree:
-        """Read the run of one case, or of a case that has not finished the rows that there are.
+        """Read the run of one case; of an unfinished case, read the recorded rows.
 
         Parameters
         ----------
         labels
-            Where it stands on each axis that the dataset has.
+            Label of the case on each axis of the dataset.
 
         Raises
         ------
         InputError
-            If the labels name no case, or more than one, or there is nothing recorded.
+            If the labels name no case or more than one, or nothing is recorded of the case.
         """
         if not {"file", "state"} <= set(self._dataset.variables) or "folder" not in self._dataset.attrs:
-            raise InputError("the dataset is not a study's; pass what deli.open_study returned, or a part of it.")
+            raise InputError("the dataset is not a study's; use a dataset from deli.open_study, or a part of it.")
         case = self._dataset[["file", "state"]]
         for name in case.dims:
             if name not in labels:
@@ -136,15 +161,15 @@ class StudyAccessor:
 
 
 _WORDS = {
-    "state": "how the case stands",
-    "outcome": "how the case ended; empty where the study excludes it",
-    "note": "why the case was not compared with its reference",
-    "file": "the case's run, relative to the folder of the study",
+    "state": "state of the case",
+    "outcome": "outcome of the case; empty for an excluded case",
+    "note": "reason for a missing comparison with the reference",
+    "file": "file of the run, relative to the folder of the study",
 }
 
 
 def _outcome(record: Mapping[str, Any]) -> str:
-    """What a run's outcome is or would be, in words."""
+    """Return a run's outcome, or its state so far, in words."""
     state, reason = record["state"], record["reason"]
     if state == DONE:
         return COMPLETE
@@ -152,7 +177,7 @@ def _outcome(record: Mapping[str, Any]) -> str:
 
 
 def _coordinates(dimensions: list[dict[str, Any]]) -> dict[str, Any]:
-    """Labels of each dimension, and beside a zip's labels the numbers and words that it puts together."""
+    """Return the labels of each dimension, and beside the labels of a zip the values of its keys."""
     coordinates: dict[str, Any] = {}
     for dimension in dimensions:
         name, positions = dimension["name"], dimension["positions"]

@@ -1,4 +1,4 @@
-"""What of a study is to be done, and why."""
+"""Decisions about the runs of a study: to keep, to measure or to run, and why."""
 
 import tomllib
 from collections.abc import Mapping
@@ -20,25 +20,25 @@ from deli.version import __version__
 
 KEEP, MEASURE, RUN = "keep", "measure", "run"
 KNOWN = ("outcome", "deli_version", "backend_versions", "machine")
-"""What is known of a run that has ended."""
+"""The attributes of a run that the manifest keeps."""
 RETRY = "--retry-failed"
 SHOWN_CHANGES = 3
 
 
 @dataclass(frozen=True)
 class Decision:
-    """What is to be done with one run.
+    """The decision about one run.
 
     Attributes
     ----------
     case : Case
     action : str
-        ``keep``, ``measure`` what is recorded, or ``run``.
+        ``keep`` the run, ``measure`` the recorded run, or ``run`` it.
     why : str
     fresh : bool
-        Whether to start anew rather than to continue what is recorded.
+        Whether to start anew rather than to continue from the recorded rows.
     record : dict
-        What the manifest is to say of it until then.
+        Entries of the run in the manifest until the decision is carried out.
     """
 
     case: Case
@@ -49,7 +49,7 @@ class Decision:
 
 
 def decide(study: Study, folder: Path, earlier: Mapping[str, Any] | None, retry: bool) -> list[Decision]:
-    """Decide for every run of a study, references first."""
+    """Decide about every run of a study, references first."""
     records = {} if earlier is None else earlier["runs"]
     before = {} if earlier is None else {_place(entry["labels"]): entry["digest"] for entry in earlier["cases"]}
     found = []
@@ -64,7 +64,7 @@ def decide(study: Study, folder: Path, earlier: Mapping[str, Any] | None, retry:
 
 
 def reference_of(study: Study, case: Case) -> str | None:
-    """Name what a case is compared with, see `deli.studies.measuring.Measured`."""
+    """Return the name of a case's reference, see `deli.studies.measuring.Measured`."""
     if study.exact:
         return EXACT
     reference = study.references.get(case.digest)
@@ -109,7 +109,7 @@ def _of_run(case: Case, file: Path, record: Mapping[str, Any], retry: bool) -> D
 
 
 def _remeasured(decision: Decision, study: Study, folder: Path, again: set[str]) -> Decision:
-    """Measure what is recorded where its metrics are missing, defined otherwise, or about another reference."""
+    """Return the decision to measure a kept run if its metrics are missing, outdated, or of another reference."""
     if decision.action != KEEP or (decision.record or {}).get("state") != DONE:
         return decision
     reference = reference_of(study, decision.case)
@@ -121,18 +121,18 @@ def _remeasured(decision: Decision, study: Study, folder: Path, again: set[str])
     if found is None:
         why = "not measured yet"
     elif found.definition != definition():
-        why = "metrics are defined otherwise now"
+        why = "the definition of metrics has changed"
     elif found.reference != reference:
-        why = "the reference is another"
+        why = "the reference has changed"
     elif study.timed and decision.case.labels and not set(TIMES) <= found.metrics.keys():
-        why = "steps not timed yet"
+        why = "steps are not timed yet"
     elif reference in again:
         why = "the reference runs again"
     return Decision(decision.case, MEASURE, why, record=decision.record) if why else decision
 
 
 def _newer_versions(deli: str, backends: str) -> str:
-    """Say which of deli and the backends that a run used are of another version now."""
+    """Say which versions have changed since a run, of deli and of the backends that the run used."""
     recorded = {"deli": deli}
     if backends != NONE_USED:
         recorded |= {name: found for name, _, found in (entry.partition(" ") for entry in backends.split(", "))}
@@ -143,13 +143,13 @@ def _newer_versions(deli: str, backends: str) -> str:
 
 
 def _changes(case: Case, folder: Path, old: str | None) -> str:
-    """Say what is different from the config that stood in a case's place."""
+    """Say how a case's config differs from the earlier config with the same labels."""
     path = config_path(run_path(folder, str(old)))
     if not path.exists():
         return "config changed"
     try:
         before = flatten(tomllib.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, RecursionError):  # a config that cannot be read is another one
+    except (OSError, ValueError, RecursionError):  # an unreadable config counts as changed
         return "config changed"
     after = flatten(case.config)
     keys = [key for key in before | after if before.get(key) != after.get(key)]

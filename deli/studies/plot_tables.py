@@ -1,4 +1,4 @@
-"""What a study file may say under ``[[plots]]``, as pydantic models."""
+"""The shape of ``[[plots]]`` in a study file as pydantic models."""
 
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -8,9 +8,9 @@ from deli.config.models import Table
 
 
 class _Plot(Table):
-    """What every plot has: a title, labels by axis to which it is restricted, and an axis with a panel a label.
+    """The entries of every plot: a title, labels by axis to which it is restricted, and an axis with a panel a label.
 
-    `METRICS` are the keys that name metrics; the others name axes.
+    `METRICS` are the keys that name metrics; the other keys name axes.
     """
 
     METRICS: ClassVar[tuple[str, ...]] = ()
@@ -20,7 +20,7 @@ class _Plot(Table):
 
 
 class Pareto(_Plot):
-    """Cases as points in two metrics, with the front of the best."""
+    """Cases as points in two metrics, with the Pareto front."""
 
     METRICS = ("x", "y")
     kind: Literal["pareto"] = "pareto"
@@ -41,7 +41,7 @@ class WorkPrecision(_Plot):
 
 
 class HeatMap(_Plot):
-    """A metric over two axes, failures crossed out."""
+    """A metric over two axes, with incomplete cases crossed out."""
 
     METRICS = ("value",)
     kind: Literal["heat_map"] = "heat_map"
@@ -51,7 +51,7 @@ class HeatMap(_Plot):
 
 
 class Profile(_Plot):
-    """Share of cases done within a factor of the least cost, one line a label of an axis (Dolan and Moré 2002)."""
+    """Share of problems done within a factor of the least cost, one line a label of an axis (Dolan and Moré 2002)."""
 
     METRICS = ("cost",)
     kind: Literal["profile"] = "profile"
@@ -60,7 +60,7 @@ class Profile(_Plot):
 
 
 class EnergyTraces(_Plot):
-    """Energy over time of the cases along an axis, the first case of all other axes."""
+    """Energy error over time of the cases along an axis, at the first label of all other axes."""
 
     kind: Literal["energy_traces"] = "energy_traces"
     by: str

@@ -1,4 +1,4 @@
-"""The plots of a study's report: those that its file asks for under ``[[plots]]``, or a first look."""
+"""The plots of a study's report: the entries ``[[plots]]`` of its file, or a first look."""
 
 from collections.abc import Callable
 from typing import Any
@@ -23,11 +23,11 @@ from deli.studies.states import DONE, EXCLUDED
 PANEL, MOST_COLUMNS = (4.2, 3.6), 3
 MOST_TRACES = 6
 LEAST_COST = 1e-9
-"""Costs below it count as equal."""
+"""The cost below which costs count as equal."""
 
 
 def first_look(study: xr.Dataset) -> list[Plot]:
-    """Plots for a study whose file asks for none: what its axes allow, a panel for each scene."""
+    """Return plots for a study whose file has none: all that its axes allow, with a panel for each scene."""
     axes = [str(name) for name in study["state"].dims if study.sizes[name] > 1]
     panels = SCENE if SCENE in axes else None
     axes = [name for name in axes if name != panels]
@@ -36,26 +36,28 @@ def first_look(study: xr.Dataset) -> list[Plot]:
     error = "trajectory_error" if study["trajectory_error"].notnull().any() else "energy_band"
     cost = "cpu_time" if "cpu_time" in study else "wall_time"
     plots: list[Plot] = [
-        Pareto(title="Which case is worth its time", x=cost, y=error, by=by or next(iter(axes), None), panels=panels)
+        Pareto(
+            title="Error against time, case by case", x=cost, y=error, by=by or next(iter(axes), None), panels=panels
+        )
     ]
     for along in numeric:
-        title = f"Error against time along {along}"
+        title = f"Error against time, along {along}"
         plots.append(WorkPrecision(title=title, cost=cost, error=error, along=along, by=by, panels=panels))
     if len(axes) > 1:
         x, y = sorted(axes, key=lambda name: -study.sizes[name])[:2]
-        plots.append(HeatMap(title="Where it works", x=x, y=y, value=error, panels=panels))
+        plots.append(HeatMap(title=f"Error by {x} and {y}", x=x, y=y, value=error, panels=panels))
     if axes:
-        plots.append(EnergyTraces(title="Energy over time", by=by or axes[0], panels=panels))
+        plots.append(EnergyTraces(title="Energy error over time", by=by or axes[0], panels=panels))
     return plots
 
 
 def check_plots(plots: list[Plot], study: xr.Dataset) -> None:
-    """Refuse plots of what a study does not have.
+    """Refuse plots of axes, metrics or labels that a study does not have.
 
     Raises
     ------
     InputError
-        Naming the plot, the name and what there is.
+        With the plot, the unknown name and the known ones.
     """
     axes = [str(name) for name in study["state"].dims]
     metrics = [str(name) for name, values in study.data_vars.items() if np.issubdtype(values.dtype, np.number)]
@@ -75,7 +77,7 @@ def check_plots(plots: list[Plot], study: xr.Dataset) -> None:
 
 
 def panels_of(plot: Plot, study: xr.Dataset) -> dict[str, xr.Dataset]:
-    """What each panel of a plot shows, by its title; a plot without panels has one, without a title."""
+    """Return the cases of each panel of a plot by the panel's title; a plot without panels has one, titled ''."""
     chosen = study
     for name, label in plot.where.items():
         chosen = _at(chosen, name, label)
@@ -85,7 +87,7 @@ def panels_of(plot: Plot, study: xr.Dataset) -> dict[str, xr.Dataset]:
 
 
 def draw(plot: Plot, study: xr.Dataset) -> Figure:
-    """Draw one plot of a study, in a panel or one for each label of an axis."""
+    """Draw one plot of a study, in one panel or in one panel for each label of an axis."""
     parts = panels_of(plot, study)
     labels = list(parts)
     columns = min(len(labels), MOST_COLUMNS)
@@ -106,14 +108,15 @@ def draw(plot: Plot, study: xr.Dataset) -> Figure:
 
 
 def _at(study: xr.Dataset, name: str, label: Any) -> xr.Dataset:
-    """The part with one label of an axis, which stays (xarray would take ``[False]`` for a mask)."""
+    """Return the part with one label of an axis, and keep the axis (xarray would take ``[False]`` for a mask)."""
     return study.isel({name: np.flatnonzero(study[name].values == label)})
 
 
 def _draw_profile(plot: Profile, axes: Axes, study: xr.Dataset) -> None:
-    """Cases that differ along `by` alone are attempts at one problem; what is excluded at some label is none.
+    """Draw a performance profile, in which cases that differ along `by` alone are attempts at one problem.
 
-    All lines are shares of the same problems, and what fails is never done.
+    A problem with an excluded case is left out, so that all lines are shares of the same problems. A case that fails
+    counts as never done.
     """
     others = [str(name) for name in study["state"].dims if name != plot.by]
     problems = study[["state", plot.cost]].stack(problem=others).transpose("problem", plot.by)
@@ -135,7 +138,7 @@ def _draw_traces(plot: EnergyTraces, axes: Axes, study: xr.Dataset) -> None:
         place = {**others, plot.by: label}
         try:
             runs[str(label)] = study.deli.run(**place)
-        except InputError:  # nothing is recorded of a case that was excluded, or has not begun
+        except InputError:  # an excluded or waiting case has no recorded rows
             continue
     comparison.energy_traces(runs, axes)
     first = in_words({name: label for name, label in others.items() if study.sizes[name] > 1})

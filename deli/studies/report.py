@@ -48,12 +48,12 @@ code { background: #f4f4f4; padding: 0 .2em; }
 
 
 def plots_of(study: xr.Dataset) -> list[Plot]:
-    """Plots that a study's file asks for, or a first look.
+    """Return the plots of a study's file, or those of a first look.
 
     Raises
     ------
     InputError
-        If they show what the study does not have.
+        If a plot names an axis, a metric or a label that the study does not have.
     """
     found = parse_toml(study.attrs["study"]).get("plots", [])
     plots = check_table({"base": {}, "plots": found}).plots or first_look(study)
@@ -62,7 +62,7 @@ def plots_of(study: xr.Dataset) -> list[Plot]:
 
 
 def write_report(study: xr.Dataset) -> tuple[Path, Path]:
-    """Write ``report.md`` with its pictures, and ``report.html`` that holds everything, into a study's folder.
+    """Write ``report.md`` with its pictures, and ``report.html`` with the pictures inside, into a study's folder.
 
     Parameters
     ----------
@@ -76,13 +76,13 @@ def write_report(study: xr.Dataset) -> tuple[Path, Path]:
     Raises
     ------
     InputError
-        If the study's file asks for plots of what the study does not have.
+        If a plot names an axis, a metric or a label that the study does not have.
     """
     folder, title = Path(study.attrs["folder"]), study.attrs["title"]
     plots = plots_of(study)
     pictures = folder / PICTURES
     pictures.mkdir(exist_ok=True)
-    blocks = [f"# {_escaped(title)}", "## What it found", _list(map(_escaped, findings(study)))]
+    blocks = [f"# {_escaped(title)}", "## Findings", _list(map(_escaped, findings(study)))]
     drawn = {}
     for number, plot in enumerate(plots):
         name = f"{PICTURES}/{number}-{plot.kind}.png"
@@ -90,10 +90,13 @@ def write_report(study: xr.Dataset) -> tuple[Path, Path]:
         drawn[name] = _inlined(folder / name)
         blocks += [f"## {_escaped(plot.title)}", f"![{_escaped(plot.title)}]({name})"]
     blocks += ["## Cases", _cases(study), "## Failures", _failures(study)]
-    blocks += ["## What the numbers mean", _definitions(study)]
-    blocks += ["## What ran where", _list(_escaped(f"{name.replace('_', ' ')}: {study.attrs[name]}") for name in RAN)]
+    blocks += ["## Metrics", _definitions(study)]
+    blocks += [
+        "## Machines and versions",
+        _list(_escaped(f"{name.replace('_', ' ')}: {study.attrs[name]}") for name in RAN),
+    ]
     fence = "`" * (1 + max(map(len, re.findall("`{2,}", study.attrs["study"])), default=2))
-    blocks += ["## The study", f"{fence}toml\n{study.attrs['study'].strip()}\n{fence}"]
+    blocks += ["## Study file", f"{fence}toml\n{study.attrs['study'].strip()}\n{fence}"]
     text = "\n\n".join(block for block in blocks if block) + "\n"
     source, page = folder / TEXT, folder / PAGE
     write_text(source, text)
@@ -102,7 +105,7 @@ def write_report(study: xr.Dataset) -> tuple[Path, Path]:
 
 
 def _escaped(text: str) -> str:
-    """Words of a study's file as Markdown that shows them, and draws no picture and closes no table."""
+    """Return text as Markdown that shows it literally, without markup of its own."""
     return _MARKUP.sub(r"\\\g<0>", " ".join(text.split()))
 
 
@@ -125,7 +128,10 @@ def _list(lines: Any) -> str:
 
 
 def _cases(study: xr.Dataset) -> str:
-    """One row a case, scenes first, without axes of one label; of too many, geometric means over the last axes."""
+    """Return the table of cases, or of geometric means over the last axes if there are too many cases.
+
+    Scenes come first, and axes of one label are left out.
+    """
     names = sorted((str(name) for name in study["state"].dims), key=lambda name: name != SCENE)
     axes = [name for name in names if study.sizes[name] > 1] or names[:1]
     study = study.isel({name: 0 for name in names if name not in axes}).transpose(*axes)
@@ -142,8 +148,9 @@ def _cases(study: xr.Dataset) -> str:
     means["state"] = (study["state"] == DONE).sum(axes[len(kept) :])
     counts = complete.notnull().sum(axes[len(kept) :])
     told = (
-        f"Geometric means over {', '.join(axes[len(kept) :])} of the cases that ended, which `state` counts; of fewer "
-        "where a number is followed by how many. Rows of other counts are means of other cases."
+        f"Geometric means over {', '.join(axes[len(kept) :])} of the completed cases, whose number is `state`. A mean "
+        "of fewer cases is followed by their number in brackets. Rows with different numbers of cases are means of "
+        "different cases."
     )
     return f"{told}\n\n" + _table([*kept, "state", *shown], list(_rows(means, kept, shown, counts)))
 
@@ -151,7 +158,7 @@ def _cases(study: xr.Dataset) -> str:
 def _rows(
     metrics: xr.Dataset, axes: list[str], shown: list[str], counts: xr.Dataset | None = None
 ) -> Iterator[list[str]]:
-    """Words of each case, or of the means of several, of which `counts` says how many cases know a metric."""
+    """Yield the cells of each case, or of means; `counts` holds the numbers of cases behind each mean."""
     for index in np.ndindex(*(metrics.sizes[name] for name in axes)):
         place = dict(zip(axes, index, strict=True))
         case = metrics.isel(place)
@@ -166,7 +173,7 @@ def _rows(
 
 
 def _failures(study: xr.Dataset) -> str:
-    """How many cases ended in which other way, by their reasons."""
+    """Return the table of the outcomes of incomplete cases, with their numbers."""
     ends = study["outcome"].values.ravel()[study["state"].values.ravel() != EXCLUDED].tolist()
     told = Counter(outcome for outcome in ends if outcome != COMPLETE)
     return _table(["cases", "outcome"], [[str(told[end]), _escaped(end)] for end in sorted(told)]) if told else "None."
@@ -175,7 +182,7 @@ def _failures(study: xr.Dataset) -> str:
 def _definitions(study: xr.Dataset) -> str:
     shown = [name for name in COLUMNS if name in study and study[name].notnull().any()]
     rows = [[f"`{name}`", study[name].attrs["long_name"], study[name].attrs["units"]] for name in shown]
-    note = "L, M and T are the scene's own units of length, mass and time; s is seconds, 1 a pure number."
+    note = "L, M and T are the scene's own units of length, mass and time; s is the second; 1 is a pure number."
     return f"{_table(['metric', 'meaning', 'units'], rows)}\n\n{note}"
 
 

@@ -1,4 +1,4 @@
-"""Carry a study out: decide what is missing, have it run, keep the manifest."""
+"""The execution of a study: decisions about missing runs, their execution, and the manifest."""
 
 import queue
 from collections import Counter
@@ -26,7 +26,7 @@ LOCK = ".lock"
 
 
 class Scheduler(Protocol):
-    """Runs cases somewhere."""
+    """The interface of a place where cases run."""
 
     events: "queue.SimpleQueue[Event]"
     workers: int
@@ -35,42 +35,42 @@ class Scheduler(Protocol):
         """Run a case as soon as a worker is free."""
 
     def stop(self) -> None:
-        """Interrupt what runs and begin nothing else; every submitted case has an event ``ended`` still."""
+        """Interrupt running cases and begin no others; every submitted case still has an event ``ended``."""
 
     def close(self) -> None:
         """End the workers."""
 
 
 class Watcher(Protocol):
-    """Is told how a study goes."""
+    """The interface of an observer of a study."""
 
     def started(self, decision: Decision) -> None:
-        """A run begins."""
+        """Note that a run begins."""
 
     def step(self, decision: Decision, step: int) -> None:
-        """A run is at a step; the first word of this comes when it begins to take steps, compiled and loaded."""
+        """Note the step of a run; the first call comes after the run's code is compiled and loaded."""
 
     def ended(self, decision: Decision, record: dict[str, Any]) -> None:
-        """A run has ended."""
+        """Note that a run has ended."""
 
     def tick(self) -> None:
-        """Some time has passed."""
+        """Update the display; called several times a second."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """How a study stands.
+    """The state of a study.
 
     Attributes
     ----------
     states : Counter
-        Runs by state.
+        Number of runs by state.
     runs : dict
         Records by digest.
     titles : dict
-        What the runs are called, by digest.
+        Titles of the runs by digest.
     stopped : str or None
-        The signal that interrupted it.
+        The signal that interrupted the study.
     """
 
     states: "Counter[str]"
@@ -80,19 +80,19 @@ class Result:
 
 
 def plan_study(study: Study, folder: Path, *, retry_failed: bool = False) -> list[Decision]:
-    """Say what `run_study` would do.
+    """Return the decisions that `run_study` would carry out.
 
     Raises
     ------
     InputError
-        If the folder is something else than a study's, or cannot be read.
+        If the folder is not a study's, or cannot be read.
     """
     check_name("folder", folder)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; name a folder.")
     earlier = read_manifest(folder)
     if earlier is None and folder.exists() and {entry.name for entry in folder.iterdir()} - {CASES, LOCK, *REPORT}:
-        raise InputError(f"{folder} holds something else than a study; name another folder.")
+        raise InputError(f"{folder} holds other files than a study's; name another folder.")
     return decide(study, folder, earlier, retry_failed)
 
 
@@ -105,33 +105,37 @@ def run_study(
     retry_failed: bool = False,
     watcher: Watcher | None = None,
 ) -> Result:
-    """Run what is missing or stale of a study, and measure it.
+    """Run and measure the missing and outdated runs of a study.
 
     Parameters
     ----------
     study : Study
     folder : Path
-        Where runs, metrics and the manifest go; it is made if need be.
+        Folder of runs, metrics and manifest; it is made if it does not exist.
     workers : int
-        Worker processes on this machine; the study's own number, or one a core, if left out.
+        Worker processes on this machine (default: the study's own number, or one a core).
     address : str
-        Of a Dask scheduler, to run there instead; its workers must see the folder under the same path.
+        Address of a Dask scheduler to run on instead; its workers must see the folder under the same path.
     retry_failed : bool
-        Whether to run again what failed, timed out, ran out of memory or was killed.
+        Whether to repeat runs that failed, timed out, ran out of memory or were killed.
     watcher : Watcher
-        Is told how it goes.
+        Observer of the runs.
 
     Raises
     ------
     InputError
-        If the folder is something else than a study's, or another process runs a study there.
+        If the folder is not a study's, or another process runs a study there.
     """
     plan_study(study, folder, retry_failed=retry_failed)
     try:
         (folder / CASES).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder} cannot be made: {error.strerror or error}.") from error
-    with _only_here(folder), StopRequests() as stop, stop.undisturbed():  # nobody else changes what is decided upon
+    with (
+        _only_here(folder),
+        StopRequests() as stop,
+        stop.undisturbed(),
+    ):  # no other process changes the folder after the decisions
         decisions = plan_study(study, folder, retry_failed=retry_failed)
         todo = [decision for decision in decisions if decision.action != KEEP]
         scheduler = _scheduler(study, workers, address, len(todo))
@@ -151,7 +155,7 @@ def run_study(
 
 
 class _Conductor:
-    """Hands runs to a scheduler, those without a reference first, and writes down what becomes of them."""
+    """A loop that submits runs to a scheduler, each after its reference, and records their ends."""
 
     def __init__(self, study: Study, folder: Path, scheduler: Scheduler, manifest: Manifest, watcher: Watcher) -> None:
         self._study, self._folder, self._scheduler = study, folder, scheduler
@@ -159,7 +163,7 @@ class _Conductor:
         self._open: dict[str, Decision] = {}
 
     def run(self, todo: Sequence[Decision], stop: StopRequests) -> None:
-        """Run all, or until asked to stop."""
+        """Run all runs, or until a stop is requested."""
         waiting, stopping = list(todo), False
         while waiting or self._open:
             if stop.reason is not None and not stopping:
@@ -172,7 +176,7 @@ class _Conductor:
             self._watcher.tick()
 
     def _submit(self, waiting: list[Decision]) -> list[Decision]:
-        """Submit what waits for no reference; return the rest."""
+        """Submit the runs that wait for no reference; return the others."""
         pending = {decision.case.digest for decision in waiting} | set(self._open)
         rest = []
         for decision in waiting:
@@ -190,7 +194,7 @@ class _Conductor:
         return rest
 
     def _note(self, kind: str, digest: str, what: Any) -> None:
-        if digest not in self._open:  # word from a cluster may come late
+        if digest not in self._open:  # events of a cluster may come late
             return
         decision, record = self._open[digest], self._manifest.runs[digest]
         if kind == "started":
@@ -231,7 +235,7 @@ def _only_here(folder: Path) -> Iterator[None]:
     try:
         lock.acquire()
     except Timeout as error:
-        raise InputError(f"{folder} is being written by another deli study; wait, or name another.") from error
+        raise InputError(f"{folder} is being written by another deli study; wait, or name another folder.") from error
     except OSError as error:
         raise InputError(f"{folder} cannot be written: {error.strerror or error}.") from error
     try:

@@ -1,4 +1,4 @@
-"""One worker process seen from outside: it is given cases, watched, and killed where it exceeds its limits."""
+"""Supervision of one worker process: it gets cases, is watched, and is killed if it exceeds its limits."""
 
 import json
 import logging
@@ -22,30 +22,30 @@ from deli.studies.worker import Order, line_of
 
 POLL_SECONDS = 0.05
 GRACE_SECONDS = 10.0
-"""How long a worker may take to end its step and write its rows."""
+"""The time a worker has to end its step and write its rows."""
 WARM_UP_SECONDS = 60.0
-"""How long compiling and loading may take before a case's own time begins to count."""
+"""The time allowed for compiling and loading before a case's own time begins to count."""
 SWOLLEN = 0.1
-"""Part of the memory limit that a worker may keep from earlier cases."""
+"""The share of the memory limit that a worker may keep from earlier cases."""
 
 _CODE = "import sys; sys.path[:] = {path!r}; from deli.studies.worker import main; main()"
 _THREADS = ("OMP", "OPENBLAS", "MKL", "NUMBA", "RAYON", "VECLIB", "NUMEXPR")
 
 Ended = dict[str, Any]
-"""How a case ended: state, reason, seconds, and what the worker tells of the run."""
+"""The end of a case: state, reason, seconds, and attributes of the run from the worker."""
 
 
 class Supervisor:
-    """Runs cases in a process of its own, which is replaced where it dies."""
+    """A supervisor that runs cases in a process of its own and replaces a process that died."""
 
     def __init__(self, limits: LimitsTable) -> None:
         self._limits = limits
         self._process: subprocess.Popen[str] | None = None
 
     def run(self, order: Order, report: Callable[[int], None], stopped: Callable[[], bool]) -> Ended:
-        """Run one case; tell `report` the step it is at, and interrupt it as soon as `stopped` says so.
+        """Run one case; pass its step to `report`, and interrupt it as soon as `stopped` returns True.
 
-        The first step that is reported is that which the run goes on from, once its code is compiled and loaded.
+        The first report is the step from which the run starts or continues, after its code is compiled and loaded.
         """
         if self._process is None or self._process.poll() is not None or self._swollen(self._process):
             self.close()
@@ -84,19 +84,19 @@ class Supervisor:
             stderr=self._errors,
             text=True,
             env={**os.environ, **{f"{library}_NUM_THREADS": "1" for library in _THREADS}},
-            start_new_session=True,  # a terminal's Ctrl-C reaches whoever supervises, and no worker past them
+            start_new_session=True,  # Ctrl-C in a terminal reaches the supervising process alone
         )
         self._reader = threading.Thread(target=self._read, args=(self._process,), daemon=True)
         self._reader.start()
         self._ready, self._resident, self._heard = False, 0, 0
 
     def _swollen(self, process: "subprocess.Popen[str]") -> bool:
-        """Whether earlier cases have left it memory that would count against the next one's limit.
+        """Tell whether the worker holds memory of earlier cases that would count against the limit of the next case.
 
-        Libraries that were loaded for them do not count: a process that takes its place would load them again.
+        Memory of libraries that were loaded for earlier cases does not count: a new process would load them again.
         """
         limit, resident = self._limits.memory, _memory(process.pid)
-        self._resident = min(self._resident, resident)  # of what a case takes to begin, its arrays go with it
+        self._resident = min(self._resident, resident)  # a case's arrays are freed with it
         return limit is not None and resident - self._resident > SWOLLEN * limit
 
     def _read(self, process: "subprocess.Popen[str]") -> None:
@@ -174,7 +174,7 @@ class Supervisor:
                 process.kill()
 
     def _died(self, process: "subprocess.Popen[str]") -> str:
-        """Return what ended it and its last words, if they are about the case at hand."""
+        """Return the cause of the worker's end, and its last line on standard error if it is of the present case."""
         code = process.wait()
         self._errors.seek(self._heard)
         said = self._errors.read().strip().splitlines()[-1:]
@@ -186,7 +186,7 @@ class Supervisor:
 
 
 def _pass_on(answer: dict[str, Any] | None) -> None:
-    """Log here what the worker logs."""
+    """Log a message of the worker in this process."""
     if answer and "told" in answer:
         name, message = answer["told"]
         logging.getLogger(name).warning(message)

@@ -1,4 +1,4 @@
-"""CPU time of a case's steps, and of recording them: what a method costs, apart from what a file does."""
+"""CPU time of a case's steps, and of their recording."""
 
 import tempfile
 import time
@@ -14,19 +14,19 @@ TIMES = {
 }
 """Units and long name of each time of a case whose study has ``time_steps``."""
 LEAST_SECONDS = 0.1
-"""CPU time after which no further repetition is needed: thousands of ticks of the clock, and many interruptions."""
+"""The CPU time that ends the repetitions: thousands of ticks of the clock, and many interruptions."""
 
 
 def time_run(plan: Plan) -> dict[str, float]:
-    """Time a plan's steps by CPU time, with nothing recorded, and what recording adds to them.
+    """Measure the CPU time of a plan's steps without recording, and the CPU time that recording adds.
 
-    Both runs are repeated until they have taken `LEAST_SECONDS`, and the least of a run's times is taken, because
-    whatever disturbs a process only adds to it. Binding the scene, compiling and making solvers are no part of steps.
+    Both runs are repeated until they have taken `LEAST_SECONDS`, and the least time of each counts, because
+    disturbances of a process only add to its time. Binding the scene, compiling and making solvers are not timed.
 
     Parameters
     ----------
     plan : Plan
-        Of a run that ends: it is carried out once more at least, and once recorded.
+        Plan of a run that ends; it is carried out at least once without and once with recording.
 
     Returns
     -------
@@ -48,7 +48,7 @@ def time_run(plan: Plan) -> dict[str, float]:
 
 
 def _stepping(plan: Plan) -> Callable[[], None]:
-    """Return a function that takes all steps of a plan, and writes down the last state alone."""
+    """Return a function that takes all steps of a plan, and stores the last state alone."""
     from deli.kernels.advance import make_block
 
     scene, stepper = plan.scene, plan.stepper()

@@ -1,6 +1,6 @@
-"""The process that runs cases, one after another: orders come as lines of JSON, and so do its answers go.
+"""The process that runs cases one after another; orders and answers are lines of JSON.
 
-It ends when nobody gives it orders any more; a run under way is then stopped after a step, its rows kept.
+It ends at the end of its input. A run under way then stops after its step, and its rows are kept.
 """
 
 import json
@@ -32,16 +32,16 @@ class Order:
     Attributes
     ----------
     digest, file : str
-        Its name, and where to record it.
+        Name of the case, and the file of its run.
     config : dict
     reference : str or None
-        What to measure it against: the digest of a case, or ``exact``.
+        Digest of the reference, or ``exact``.
     fresh : bool
-        Whether to drop what is recorded; else it is continued, or only measured where it is whole.
+        Whether to drop recorded rows; otherwise an unfinished run is continued, and a finished one only measured.
     spent : float
-        Seconds it took before it was interrupted.
+        Seconds that the run took before it was interrupted.
     timed : bool
-        Whether to time its steps, too.
+        Whether to time the steps of the case, too.
     """
 
     digest: str
@@ -56,7 +56,7 @@ class Order:
 def main() -> None:
     """Carry out orders from standard input until it ends."""
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", buffering=1, encoding="utf-8")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what libraries print is no answer
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # output of libraries is no answer
     orders: queue.SimpleQueue[str | None] = queue.SimpleQueue()
     busy = threading.Event()
     threading.Thread(target=_listen, args=(orders, busy), daemon=True).start()
@@ -79,7 +79,7 @@ def _listen(orders: "queue.SimpleQueue[str | None]", busy: threading.Event) -> N
 
 
 def _prepare() -> None:
-    """Import and compile once what all runs need."""
+    """Import and compile the code that all runs need."""
     import deli.config
     import deli.simulation
     import deli.studies.measuring  # noqa: F401
@@ -89,7 +89,7 @@ def _prepare() -> None:
 
 
 def _carry_out(order: Order, answers: TextIO) -> dict[str, Any]:
-    """Run a case and measure it; return how it ended."""
+    """Run a case and measure it; return its end."""
     from deli.recording.holding import RecordingError
     from deli.running.interrupts import Interrupted
     from deli.studies.states import DONE, FAILED, INTERRUPTED, OUT_OF_MEMORY
@@ -108,11 +108,11 @@ def _carry_out(order: Order, answers: TextIO) -> dict[str, Any]:
         attributes = _run(order, report)
     except Interrupted as stopped:
         return {"state": INTERRUPTED, "reason": stopped.run.attrs["outcome"]}
-    except RecordingError as error:  # no fault of the case: it goes on from its last committed row
+    except RecordingError as error:  # no fault of the case: a rerun continues it from its last committed row
         return {"state": INTERRUPTED, "reason": str(error)}
     except MemoryError as error:
         return {"state": OUT_OF_MEMORY, "reason": str(error) or "the system refused more memory"}
-    except Exception as error:  # whatever it is, it is this case's end and no other's
+    except Exception as error:  # any error ends this case alone, and no other case
         return {"state": FAILED, "reason": f"{type(error).__name__}: {error}"}
     outcome = attributes["outcome"]
     state, reason = (DONE, "") if outcome == "complete" else (FAILED, outcome)
@@ -120,7 +120,7 @@ def _carry_out(order: Order, answers: TextIO) -> dict[str, Any]:
 
 
 def _warm_up(order: Order) -> None:
-    """Take a step of a kind of run that this process has not met: compiling and loading is no part of a case's time."""
+    """Take a step if the kind of run is new to this process: compiling and loading are no part of a case's time."""
     from deli.config import parse
     from deli.errors import StepError
 
@@ -131,7 +131,7 @@ def _warm_up(order: Order) -> None:
         return
     _met.add(kind)
     plan = parse(order.config).plan()
-    with suppress(StepError):  # the run itself will meet it
+    with suppress(StepError):  # the run itself will report it
         plan.stepper().step(plan.scene.position, plan.scene.momentum)
 
 
@@ -162,7 +162,7 @@ def _run(order: Order, report: Any) -> dict[str, str]:
 
 
 class _Told(logging.Handler):
-    """Tells the supervisor of what is logged."""
+    """A handler that sends log messages to the supervisor."""
 
     def __init__(self, answers: TextIO) -> None:
         super().__init__(logging.WARNING)
@@ -173,7 +173,7 @@ class _Told(logging.Handler):
 
 
 def _say(answers: TextIO, **message: Any) -> None:
-    with suppress(BrokenPipeError):  # whoever listened is gone, and `_listen` has noticed, too
+    with suppress(BrokenPipeError):  # the supervisor is gone, and `_listen` has noticed it, too
         answers.write(json.dumps(message) + "\n")
 
 

@@ -136,7 +136,7 @@ def test_parts_not_measured_stay_in_the_file(tiny):
 @pytest.mark.parametrize(
     ("words", "what"),
     [
-        (["stepps"], "'stepps' is no part of the benchmark"),
+        (["stepps"], "'stepps' is not a part of the benchmark"),
         (["import", "--against", "none.json"], "none.json cannot be read"),
         (["import", "--against", "text.json"], "text.json holds no results"),
         (["import", "--against", "future.json"], "found format 99"),

@@ -75,7 +75,7 @@ class TestPlotAndCheck:
     def test_check_finds_what_was_changed(self, recorded, group, name, value, what):
         with netCDF4.Dataset(recorded, "a") as dataset:
             dataset[group][name][5] = value
-        refused(call("check", recorded), "does not hold up", what)
+        refused(call("check", recorded), "fails these checks", what)
 
     def test_check_finds_a_broken_schema(self, recorded):
         with netCDF4.Dataset(recorded, "a") as dataset:

@@ -283,7 +283,7 @@ class TestFiles:
         run.to_netcdf("e.nc", engine="netcdf4")
         checked = call("check", "e.nc")
         assert checked.exit_code == INPUT_AT_FAULT
-        assert f"does not hold up: {words}" in checked.stderr
+        assert f"fails these checks: {words}" in checked.stderr
 
     @pytest.mark.parametrize(
         ("spoil", "words"),

@@ -180,7 +180,7 @@ class TestFigures:
 
     def test_swings_are_the_cradle_s(self, small, folder):
         arguments = small(('["position"]', '["swinging_share"]'), ('solution = "bouncing_ball"', ""))
-        refused(call(*arguments), "swings are those of scene newtons_cradle", "found point_mass")
+        refused(call(*arguments), "swings need scene newtons_cradle", "found point_mass")
 
     def test_the_list(self):
         result = call("figures", "--list")
@@ -202,7 +202,7 @@ class TestRefusals:
             ("[[panels]]", "[view]\n[[panels]]", "expected either panels over time"),
             ('[[panels]]\nquantities = ["position"]', "[view]", "[view] shows one run; found gvi, exact"),
             ("bouncing_ball", "flying_ball", "did you mean 'bouncing_ball'"),
-            ("point_mass", "pogo_stick", "that of scene point_mass; found pogo_stick"),
+            ("point_mass", "pogo_stick", "belongs to scene point_mass; found pogo_stick"),
             ("steps = 20", "steps = nan", "quick.steps is nan"),
             ("[runs.gvi]", "[runs.'a/b']", "runs.a/b"),
             ("title", "'title", "is not valid TOML"),

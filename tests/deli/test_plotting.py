@@ -296,4 +296,4 @@ def test_worst_is_said_of_what_penetrated(scene):
         least = float(run["trajectory"]["gap_min"].min())
         title = deli.plotting.gaps(run).axes[0].get_title(loc="left")
         assert ("worst -" in title) == (least < 0.0)
-        assert ("nothing penetrates" in title) == (least >= 0.0)
+        assert ("no violation" in title) == (least >= 0.0)

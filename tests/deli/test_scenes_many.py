@@ -127,7 +127,7 @@ def test_exact_hard_rods_are_those_from_event_to_event(rods, boundary, filled, s
 
 
 def test_points_do_not_pass_in_another_scene():
-    with pytest.raises(InputError, match="'passing_points' is that of scene hard_rods; found point_mass"):
+    with pytest.raises(InputError, match="'passing_points' belongs to scene hard_rods; found point_mass"):
         passing_points(scenes.point_mass(), np.zeros(1))
 
 

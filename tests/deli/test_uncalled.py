@@ -80,4 +80,4 @@ def test_a_study_says_in_how_many_cases(tmp_path):
     ended = CliRunner().invoke(app, ["study", str(tmp_path / "study.toml"), *options])
     assert ended.exit_code == 0, ended.output
     told = [sentence for sentence in findings(deli.open_study(tmp_path / "out")) if "never called" in sentence]
-    assert [sentence[:60] for sentence in told] == ["In 2 of 4 cases (point_mass 2) a solver was chosen and never"]
+    assert [sentence[:60] for sentence in told] == ["In 2 of 4 completed cases (point_mass 2), a chosen solver wa"]

@@ -117,7 +117,7 @@ def test_numbers_that_change_silently_are_found_by_checksums(files, tmp_path):
     (tmp_path / "flipped.nc").write_bytes(flipped)  # as another program may have changed it on purpose
     assert same(deli.open_run(tmp_path / "flipped.nc"), deli.open_run(files / "sealed.nc")) is False
     result = call("check", tmp_path / "flipped.nc")
-    refused(result, "does not hold up", "content")
+    refused(result, "fails these checks", "content")
     assert "checksums differ: trajectory/position" in result.stdout
 
 

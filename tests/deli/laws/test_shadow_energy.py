@@ -172,7 +172,7 @@ def test_what_it_cannot_be_measured_of_is_refused():
         metrics.shadow_energy(other)
     scene = pressed()
     own = deli.simulate(scene, deli.GVI(), step_size=0.1, steps=2)
-    with pytest.raises(deli.InputError, match=r"hand it in as scene=\.\.\."):
+    with pytest.raises(deli.InputError, match=r"pass it as scene=\.\.\."):
         metrics.shadow_energy(own)
     assert metrics.shadow_energy(own, scene=scene).sizes == {"time": 3}
 

@@ -52,14 +52,14 @@ def test_of_a_scene_of_ones_own_it_says_why_not(folder, scene):
     why = "does not run again: its scene is the user's own, made in Python, and a config holds no families"
     text = text_of(scene(), deli.GVI())
     assert f"# This config {why}" in text.splitlines()[0]
-    refused(again(folder, text), f"scene.name is 'custom', and a run recorded so {why}; run the script that made it.")
+    refused(again(folder, text), f"scene.name is 'custom', and such a recorded run {why}; run the script that made it.")
 
 
 def test_of_an_ensemble_it_says_why_not(folder):
     run = deli.simulate_ensemble([deli.scenes.point_mass()] * 2, deli.GVI(), step_size=H, steps=3)
     text = run.attrs["config"]
     assert text.startswith("# This config does not run again: it is of an ensemble of scenes")
-    refused(again(folder, text), "scene.name is 'ensemble', and a run recorded so does not run again")
+    refused(again(folder, text), "scene.name is 'ensemble', and such a recorded run does not run again")
 
 
 def test_of_a_method_of_ones_own_it_says_why_not(folder):

@@ -129,7 +129,7 @@ def test_thinned_beside_the_count_of_all_rows(place, tmp_path):
         run.isel(time=slice(None, None, 10), missing_dims="ignore").to_netcdf(path)
     again = deli.open_run(path)
     assert again["trajectory"].sizes["time"] == 7
-    refused(call("check", path), "does not hold up: content")
+    refused(call("check", path), "fails these checks: content")
 
 
 def test_variables_that_were_added_come_along(place, tmp_path):
@@ -212,7 +212,7 @@ def test_numbers_that_do_not_follow_from_the_states_are_found(place, tmp_path):
     run, path = deli.open_run(place / "run.nc"), tmp_path / "other.nc"
     run["trajectory"]["hamiltonian"][5] += 1e-6
     run.to_netcdf(path)
-    refused(call("check", path), "does not hold up: hamiltonian")
+    refused(call("check", path), "fails these checks: hamiltonian")
 
 
 def test_an_unfinished_run_is_counted_or_refused(place, tmp_path):

@@ -16,6 +16,7 @@ from deli.studies.matching import word
 from deli.studies.states import DONE, EXCLUDED
 
 AXES = ("solver", "step_size", "tolerance")
+BAND = "The energy band [M L2 T-2] by "
 LEFT_OUT = re.compile(r"(\w+) = ([\w.e+-]+) \((\d+) of (\d+)\)")
 
 
@@ -39,11 +40,13 @@ def told_by(told, begin):
 def bands(told):
     """Energy band by label, and how many cases stand behind each, by axis."""
     found = {}
-    for sentence in told_by(told, "Energy band by "):
-        axis, count, numbers = re.fullmatch(
-            r"Energy band by (\w+) \(geometric mean of (\d+) cases? each\): (.*?)(?:, about .*)?\.", sentence
+    for sentence in told_by(told, BAND):
+        axis, numbers, count = re.fullmatch(
+            re.escape(BAND) + r"(\w+) is (.*?)(?:; it varies .*)? \(geometric means of (\d+) cases? each\)\.",
+            sentence,
         ).groups()
-        found[axis] = int(count), {part.split()[0]: float(part.split()[1]) for part in numbers.split(", ")}
+        parts = [part.split(" with ") for part in numbers.split(", ")]
+        found[axis] = int(count), {label: float(number) for number, label in parts}
     return found
 
 
@@ -88,11 +91,11 @@ def test_a_backend_that_fails_now_and_then_is_left_out_and_not_the_cases():
         study[name].loc["third"] = study[name].sel(solver="quick").values
     told = findings(study)
     assert (
-        "Comparisons are between 24 of 36 cases; left out because of cases that did not end or are excluded: "
+        "Comparisons are between 24 of 36 cases; left out because of cases that were not completed or are excluded: "
         "solver = slow (8 of 12)." in told
     )
     for axis, count in (("solver", 12), ("step_size", 6), ("tolerance", 8)):
-        about = told_by(told, f"The energy band does not depend on {axis}") or told_by(told, f"Energy band by {axis} ")
+        about = told_by(told, f"The energy band does not depend on {axis}") or told_by(told, f"{BAND}{axis} ")
         assert f"{24 if axis == 'solver' else count} cases" in about[0]
 
 
@@ -101,11 +104,10 @@ def test_what_is_zero_or_unknown_is_left_out_of_its_own_sentences():
     study["energy_band"].loc[{"step_size": 0.1}] = 0.0
     told = findings(study)
     assert not told_by(told, "Comparisons are between")
-    assert told_by(
-        told, "Energy band by solver (geometric mean of 9 cases each; left out where it is unknown or zero: "
-    )
-    assert all("step_size = 0.1 (6 of 6)" in sentence for sentence in told_by(told, "Energy band by "))
-    assert told_by(told, "Along solver, ")[0].count("of 12 cases each")
+    (by_solver,) = told_by(told, f"{BAND}solver ")
+    assert "(geometric means of 9 cases each; left out where it is unknown or zero: " in by_solver
+    assert all("step_size = 0.1 (6 of 6)" in sentence for sentence in told_by(told, BAND))
+    assert told_by(told, "The wall time by solver ")[0].count("of 12 cases each")
 
 
 def test_members_that_a_scene_does_not_have_are_not_missing():
@@ -115,12 +117,12 @@ def test_members_that_a_scene_does_not_have_are_not_missing():
     study = shaken(excluded, state=EXCLUDED).rename(step_size="scene", tolerance="seed")
     study["outcome"].values[excluded] = ""
     told = findings(study)
-    assert told[0] == "All 12 cases ended."
+    assert told[0] == "All 12 cases were completed."
     assert not told_by(told, "Comparisons are between")
-    assert "geometric mean of 6 cases each" in told_by(told, "Energy band by solver")[0]
+    assert "geometric means of 6 cases each" in told_by(told, f"{BAND}solver")[0]
     study["state"].values[0, 2, 0] = "failed"
     assert (
-        "Comparisons are between 10 of 12 cases; left out because of cases that did not end or are excluded: "
+        "Comparisons are between 10 of 12 cases; left out because of cases that were not completed or are excluded: "
         "0.05, seed = 1e-3 (1 of 2)." in findings(study)
     )
 
@@ -129,12 +131,12 @@ def test_excluded_cases_did_not_fail():
     """A solver that is not tried at a tolerance is not said to fail there."""
     study = made_up(state=({"solver": "slow", "tolerance": 1e-3}, EXCLUDED))
     told = findings(study)
-    assert not any("fails at" in sentence for sentence in told)
+    assert not any("cases not completed)" in sentence for sentence in told)
     assert (study["state"] == DONE).sum() == 20
     study["state"].loc[{"tolerance": 1e-9, "step_size": 0.1}] = "killed"
     assert (
-        "Whether contacts last is unknown where no case ended at the tightest tolerance: step_size = 0.1."
-        in findings(study)
+        "A loss of smooth contacts cannot be judged with step_size = 0.1, because no case was completed at the "
+        "tightest tolerance." in findings(study)
     )
 
 

@@ -137,7 +137,7 @@ def test_a_study_chooses_its_plots(folder):
 def test_a_folder_without_a_study_is_refused(tmp_path):
     result = call("report", tmp_path)
     assert result.exit_code == 2
-    assert "holds no study" in result.output
+    assert "deli report takes a study's folder" in result.output
 
 
 def test_plots_pick_one_of_two_truth_values(tmp_path):

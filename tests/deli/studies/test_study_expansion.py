@@ -148,7 +148,7 @@ def test_the_base_is_relative_to_the_study(folder):
         ({"axes": {"scene.mass": [1.0, -1.0]}}, ["case mass = -1.0", "mass", "> 0"]),
         ({"axes": {"scene.mass": [1.0, 1.0]}}, ["label of mass 1.0 occurs twice"]),
         ({"axes": {"scene.mass": [1.0]}, "cases": [{"scene.mass.value": 1}]}, ["mass", "not a table"]),
-        ({"axes": {"steps": [10, 20]}}, ["'steps'", "name it otherwise"]),
+        ({"axes": {"steps": [10, 20]}}, ["'steps'", "give it another"]),
         ({"axes": {"step_size": [float("nan")]}}, ["axes.step_size.0 is nan"]),
         ({"zip": [{"name": "z", "values": {"step_size": [0.1, 0.2], "skip": [True]}}]}, ["zip.0 (z)", "one length"]),
         ({"axes": {"scene.mass": [1.0]}, "exclude": [{"maas": 1.0}]}, ["exclude.0", "did you mean 'mass'"]),

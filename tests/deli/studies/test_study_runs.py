@@ -79,7 +79,7 @@ def test_metrics_are_measured_anew_where_their_definition_changed(folder, monkey
     monkeypatch.setattr(planning, "definition", lambda: "another")
     decisions = plan_study(study(folder, **MASSES), folder / "out")
     assert {(decision.action, decision.why) for decision in decisions} == {
-        ("measure", "metrics are defined otherwise now")
+        ("measure", "the definition of metrics has changed")
     }
     monkeypatch.undo()
     path = folder / "out" / "cases" / f"{decisions[0].case.digest}.nc"
@@ -89,7 +89,7 @@ def test_metrics_are_measured_anew_where_their_definition_changed(folder, monkey
     before = path.stat().st_mtime_ns
     watch = Watch()
     run(folder, MASSES, watcher=watch)
-    assert watch.begun == {"mass = 1.0": "metrics are defined otherwise now"}
+    assert watch.begun == {"mass = 1.0": "the definition of metrics has changed"}
     assert measuring.measured(path).metrics == pytest.approx(kept.metrics, nan_ok=True)
     assert path.stat().st_mtime_ns == before
 
@@ -196,13 +196,13 @@ def test_lines_where_there_is_no_terminal(folder):
     assert result.exit_code == DONE, result.output
     for words in ("[1/3] done in", "(missing)", "about", "left", "3 runs: 3 done; in masses"):
         assert words in result.stdout
-    assert "nothing to do: all 3 runs are there" in call("study", "masses.toml").stdout
+    assert "nothing to do: all 3 runs are recorded" in call("study", "masses.toml").stdout
     assert call("study", "masses.toml", "--quiet").stdout == ""
 
 
 def test_folders_that_are_no_study_s(folder):
     (folder / "masses.toml").write_text(_toml(MASSES))
-    refused(call("study", "masses.toml", "-o", "."), "holds something else than a study")
+    refused(call("study", "masses.toml", "-o", "."), "holds other files than a study's")
     refused(call("study", "masses.toml", "-o", "masses.toml"), "masses.toml is a file")
     refused(call("study", "masses.toml", "--workers", "2", "--scheduler", "tcp://x:1"), "both given")
     with pytest.raises(deli.InputError, match="holds no study"):

@@ -24,7 +24,7 @@ def test_a_study_that_asks_for_it_later_runs_nothing_again(tmp_path):
     assert "cpu_time" not in deli.open_study(tmp_path / "out")
     decisions = plan_study(study(tmp_path, **AXES, time_steps=True), tmp_path / "out")
     told = {(bool(each.case.labels), each.action, each.why) for each in decisions}
-    assert told == {(True, "measure", "steps not timed yet"), (False, "keep", "done")}  # references are not timed
+    assert told == {(True, "measure", "steps are not timed yet"), (False, "keep", "done")}  # references are not timed
     run(tmp_path, {**AXES, "time_steps": True})
     assert (deli.open_study(tmp_path / "out")["cpu_time"] > 0.0).all()
     decisions = plan_study(study(tmp_path, **AXES, time_steps=True), tmp_path / "out")
