@@ -16,8 +16,8 @@ def page() -> str:
             (code(name), code(package), meant, limits, *(_yes(name, what) for what in ("sparse", "warm_starts")))
         )
     chains = [
-        f"- `{chain}` is a chain, for small programs {', then '.join(code(member) for member in members)}. If the answer "
-        "of a member is not verified, the next member solves, and the dataset counts that. [Large programs]"
+        f"- `{chain}` is a chain, for small programs {', then '.join(code(member) for member in members)}. If the "
+        "answer of a member is not verified, the next member solves, and the dataset counts that. [Large programs]"
         "(../how_to/swap_a_backend.md) have other members."
         for chain, members in CHAINS.items()
     ]

@@ -5,8 +5,8 @@ from generate.markdown import code, paragraphs, table
 
 _GROUPS = {
     "trajectory": "One row for each recorded state. Row 0 is the initial state.",
-    "solver_stats": "One row for each interval between recorded states and each of the three subproblems, summed over the "
-    "integration steps of the interval.",
+    "solver_stats": "One row for each interval between recorded states and each of the three subproblems, summed over "
+    "the integration steps of the interval.",
     "subproblems": "Only in runs with `record.subproblems`: the convex problems that solvers got. Lists of "
     "different lengths follow each other along ragged dimensions; the variables with `sample_dimension` "
     "count the entries of each problem.",
