@@ -1,4 +1,4 @@
-"""How functions are compiled that only other compiled functions call."""
+"""Compilation of functions that only other compiled functions call."""
 
 from collections.abc import Callable
 from typing import Any
@@ -32,20 +32,20 @@ _PASSES = (
 
 
 def absorbed(function: Callable[..., Any]) -> Any:
-    """Compile a function for compiled ones that call it, each of which absorbs its code and optimizes it with its own.
+    """Compile a function for compiled callers. Each caller absorbs its code and optimizes it with its own.
 
-    Numba optimizes a function with all that it calls, and once more with each of its callers, into machine code that
-    nobody runs, and adds wrappers for calls from Python: left out here, where they took half of the time.
-    Such a function cannot be called from Python, where it would crash.
+    Numba optimizes a function with its callees, and once more with each of its callers, into machine code that
+    nobody runs, and adds wrappers for calls from Python. This decorator leaves both out; they took half of the time.
+    A call of such a function from Python crashes.
     """
     return _absorb(function, False)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Compile a function as `absorbed` does, and put its code in the place of every call.
+    """Compile a function as `absorbed` does, and replace every call by its code.
 
-    Of what is called in more than one place the optimizer keeps one copy, and an array is handed to that as seven
-    numbers. Short functions in inner loops cost less than such a call.
+    Otherwise the optimizer keeps one copy of a function with several callers, and a call hands it an array as seven
+    numbers. A short function in an inner loop costs less than such a call.
     """
     return _absorb(function, True)
 
@@ -69,7 +69,7 @@ def _absorb(function: Callable[..., Any], everywhere: bool) -> Any:
 
 
 class _Codegen:
-    """A code generator for functions that have no address, and so no place for their environment."""
+    """A code generator for functions without an address, and thus without a place for their environment."""
 
     def __init__(self, codegen: Any) -> None:
         self._codegen = codegen
@@ -78,11 +78,11 @@ class _Codegen:
         return getattr(self._codegen, name)
 
     def set_env(self, name: str, environment: Any) -> None:
-        """Nothing refers to it."""
+        """Do nothing, because nothing refers to the environment."""
 
 
 class _AbsorbedLibrary(JITCodeLibrary):
-    """The code of a function and of what it calls, as it is before it is optimized."""
+    """The code of a function and of its callees, before optimization."""
 
     def __init__(self, codegen: Any, name: str) -> None:
         super().__init__(_Codegen(codegen), name)
@@ -102,7 +102,7 @@ class PlainCompiler(Compiler):
     """Numba's compiler without its passes for closures, exceptions, arrays in expressions and literal arguments."""
 
     def define_pipelines(self) -> list[PassManager]:
-        """Return the one pipeline there is."""
+        """Return the only pipeline."""
         manager = PassManager("plain")
         for step in _PASSES:
             manager.add_pass(step, step.__name__)

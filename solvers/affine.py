@@ -1,4 +1,4 @@
-"""Layout of a parametrized program: one sparse matrix from the parameters to every number of the standard form."""
+"""Layout of a parametrized program: a sparse matrix that maps the parameters to all numbers of the standard form."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg.blas import ddot
 
-# The compiled kernel under scipy's ``@``, whose own checks cost four times the product at a few hundred entries.
+# The compiled kernel behind scipy's ``@``. The checks of ``@`` cost four times the product at a few hundred entries.
 from scipy.sparse import _sparsetools
 
 from solvers.program import Matrix, QuadraticProgram
@@ -17,7 +17,7 @@ DENSE_LIMIT = 9000  # entries of A and P together; numpy's BLAS starts threads a
 
 @dataclass(slots=True, eq=False)
 class Tensors:
-    """What a modelling layer hands over, each tensor a matrix with one column per entry of theta.
+    """The tensors of a modelling layer, each a matrix with one column per entry of theta.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Tensors:
 
 @dataclass(slots=True)
 class _Block:
-    """Entries of the map whose image is one part of the program."""
+    """The entries of the map for one part of the program."""
 
     position: np.ndarray
     parameter: np.ndarray
@@ -55,8 +55,8 @@ class _Block:
 class AffineMap:
     """The map from theta (whose last entry is one) to a quadratic program, and the storage of that program.
 
-    In the image whatever depends on the parameters comes first; the rest is computed once. The objective's constant is
-    an array of one number, `constant`.
+    In the image the parts that depend on the parameters come first; the other parts are computed once. The objective's
+    constant is an array of one number, `constant`.
     """
 
     __slots__ = ("_data", "_indices", "_indptr", "_lent", "_numbers", "_varying", "constant", "program", "theta")
@@ -129,15 +129,15 @@ class AffineMap:
         return finite
 
     def is_finite(self) -> bool:
-        """Whether all numbers of the program are finite."""
+        """Return whether all numbers of the program are finite."""
         return bool(np.isfinite(self._numbers).all())
 
     def lend(self) -> list[bytes]:
-        """Return what `take_back` has to know, before a backend gets hold of the program."""
+        """Return the content of the program, for `take_back`, before a backend borrows it."""
         return [array.tobytes() for array in self._lent]
 
     def take_back(self, known: list[bytes]) -> None:
-        """Undo what a backend wrote into the program, whose answers are judged by the numbers that it was given."""
+        """Restore the numbers that a backend has changed, because they decide about its answer."""
         for array, kept in zip(self._lent, known, strict=True):
             if array.tobytes() != kept:
                 array[:] = np.frombuffer(kept, dtype=array.dtype)
@@ -146,7 +146,7 @@ class AffineMap:
 def _storage(
     row: np.ndarray, column: np.ndarray, shape: tuple[int, int], dense: bool
 ) -> tuple[np.ndarray, int, sparse.csc_array]:
-    """Positions of entries in a matrix's storage, the storage's length, and the pattern."""
+    """Return the positions of entries in a matrix's storage, the storage's length, and the pattern."""
     pattern = sparse.csc_array((np.ones(row.size), (row, column)), shape=shape)
     pattern.sum_duplicates()
     if dense:

@@ -1,4 +1,4 @@
-"""How a backend is asked, whatever it does to the program that it is lent and whatever it hands back."""
+"""Calls of a backend: the program that it borrows is restored, and its answer is checked for type and shape."""
 
 import operator
 from collections.abc import Callable
@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 
 FLOAT = np.dtype(float)
 REAL = "fiu"  # kinds of numpy's types that stand for real numbers
-MOST = 2**53  # iterations that are believed
-# What is no fault of a backend's. All else that it raises is, and a panic in Rust or an exit are no Exception.
+MOST = 2**53  # largest count of iterations that is accepted
+# Exceptions that are no fault of a backend. All others are, also those that do not inherit Exception: a panic in Rust
+# and SystemExit.
 PASSED_ON = (KeyboardInterrupt, MemoryError)
 
 Point = tuple[np.ndarray, np.ndarray]
@@ -29,7 +30,7 @@ def attach(name: str, make: Callable[[], Backend], lender: "AffineMap") -> Backe
     Raises
     ------
     BackendError
-        If it raises anything but a `SolverError`.
+        If `make` raises anything but a `SolverError`.
     """
     lent = lender.lend()
     try:
@@ -43,15 +44,15 @@ def attach(name: str, make: Callable[[], Backend], lender: "AffineMap") -> Backe
 
 
 def ask(name: str, backend: Backend, lender: "AffineMap", begin: Point | None) -> tuple[Answer, float, float]:
-    """Let a backend solve the program that it is lent, from a point if one is given.
+    """Let a backend solve the program that it borrows, from a point if one is given.
 
-    Returns the answer, and the seconds that it took to hand the numbers over and to solve. What the backend writes into
-    the program is undone.
+    Return the answer, the seconds of handing the numbers over, and the seconds of solving. Numbers that the backend
+    writes into the program are restored.
 
     Raises
     ------
     BackendError
-        If it raises anything.
+        If the backend raises anything.
     """
     lent = lender.lend()
     before = perf_counter()
@@ -78,10 +79,10 @@ def _blame(name: str, error: BaseException) -> BackendError:
 
 
 def receive(answer: Any, variables: int, rows: int) -> Answer:
-    """Return an answer in arrays of the receiver's own.
+    """Return an answer in new arrays.
 
-    What is no answer to a program of this size becomes one of nan, whose message says what is wrong with it; the claim
-    is kept.
+    An object that is no answer to a program of this size becomes an answer of nan. Its message names the fault, and its
+    claim is kept.
     """
     if not isinstance(answer, Answer):
         return _nothing(variables, rows, Status.FAILED, f"{_name(answer)} was returned where a solvers.Answer is due")
@@ -99,7 +100,7 @@ def receive(answer: Any, variables: int, rows: int) -> Answer:
 
 
 def _own(given: Any, size: int) -> np.ndarray | None:
-    """Return a vector of real numbers as an array of our own, None if it is none of that size."""
+    """Return a copy of a vector of real numbers; None if the object is no such vector of this size."""
     try:
         vector = np.asarray(given)
     except ValueError:  # a list of lists of different lengths
@@ -110,7 +111,7 @@ def _own(given: Any, size: int) -> np.ndarray | None:
 
 
 def _count(given: Any) -> int:
-    """Return a number of iterations, -1 for what is none."""
+    """Return a count of iterations; -1 if the object is no count."""
     try:
         count = operator.index(given)
     except TypeError:

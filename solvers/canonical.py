@@ -1,8 +1,9 @@
-"""From a cvxpy problem to standard form: with `solvers.leaves` and `solvers.places` the files on cvxpy's internals.
+"""Canonicalization of a cvxpy problem to standard form.
 
-cvxpy's parametrized program holds tensors whose product with its parameter vector gives P, q, A, b. They are
-composed here with the map from the problem's own Parameters to that vector. The fields read are private to
-cvxpy, therefore the result is compared with cvxpy's own ``apply_parameters`` whenever a problem is compiled.
+Only this file, `solvers.leaves` and `solvers.places` use cvxpy's internals. cvxpy's parametrized program holds tensors
+whose product with its parameter vector gives P, q, A, b. This file composes them with the map from the problem's own
+Parameters to that vector. The fields that it reads are private to cvxpy. Therefore the result is compared with cvxpy's
+own ``apply_parameters`` whenever a problem is compiled.
 """
 
 import math
@@ -28,16 +29,17 @@ SYMMETRIC = ("PSD", "NSD", "symmetric")
 
 @dataclass(slots=True, eq=False)
 class Canonical:
-    """A problem in standard form, and the ways in and out of it.
+    """A problem in standard form, with the places of its Parameters, Variables and multipliers.
 
     Attributes
     ----------
     problem : cvxpy.Problem
         The model.
     map : AffineMap
-        From theta, all parameter values flattened in Fortran order and then a one, to the program.
+        The map from theta to the program. theta holds all parameter values, flattened in Fortran order, and then a one.
     views : dict of str to ndarray
-        Writable views of theta, by Parameter name, in the Parameter's shape; of a sparse one its declared entries.
+        Writable views of theta, by Parameter name, in the Parameter's shape. The view of a sparse Parameter has its
+        declared entries.
     primal : list of (str, Place)
         Name of each Variable and its place in x.
     dual : list of Place
@@ -51,7 +53,7 @@ class Canonical:
     dual: list[Place]
 
     def to_view(self, name: str, value: np.ndarray) -> np.ndarray:
-        """Turn the value of a sparse Parameter into what its view holds.
+        """Return the entries of a sparse Parameter's value, as its view holds them.
 
         Raises
         ------
@@ -71,11 +73,11 @@ def canonicalize(problem: cp.Problem) -> Canonical:
     ------
     SolverError
         If the problem is not a quadratic program, does not follow the rules of disciplined parametrized
-        programming, names two things alike, or if cvxpy's internals are not what this file knows.
+        programming, gives a name twice, or if cvxpy's internals differ from those that this file knows.
     """
     refuse_parts(problem)
     with kept_values(problem), warnings.catch_warnings():
-        # cvxpy reads its own sparse Parameters in the way it warns about
+        # cvxpy warns about its own use of sparse Parameters
         warnings.filterwarnings("ignore", message=".*sparse CVXPY expression", category=RuntimeWarning)
         for parameter in problem.parameters():
             assign(parameter, np.ones(view_shape(parameter)))
@@ -114,9 +116,9 @@ def canonicalize(problem: cp.Problem) -> Canonical:
 
 
 def _own(problem: cp.Problem) -> cp.Problem:
-    """A problem of our own, which leaves the caller's solver cache alone.
+    """Return a copy of a problem, so that the caller's solver cache does not change.
 
-    cvxpy does not canonicalize a problem without Variables; it gets one, whose square is minimized.
+    cvxpy does not canonicalize a problem without Variables. Such a problem gets a Variable whose square is minimized.
     """
     objective = problem.objective
     if not problem.variables():
@@ -126,7 +128,7 @@ def _own(problem: cp.Problem) -> cp.Problem:
 
 
 def _judge_rows(parametrized: Any, matrix: sparse.coo_array) -> tuple[np.ndarray, np.ndarray]:
-    """Return which rows of Ax + b >= 0 hold numbers that are none, and which are kept: b = inf bounds nothing."""
+    """Return masks of the rows of Ax + b >= 0 with invalid numbers, and of the rows to keep: b = inf bounds nothing."""
     rows, last = parametrized.constr_size, matrix.shape[1] - 1
     constant = (matrix.row >= rows * parametrized.x.size) & (matrix.col == last)
     bounds = np.zeros(rows)
@@ -154,7 +156,7 @@ def _lay_out_parameters(
     """Lay out theta, and select from it the parameter vector of cvxpy's parametrized program.
 
     cvxpy replaces PSD, symmetric, diagonal and sparse Parameters by vectors of their free entries, and orders
-    its vector in its own way: columns are looked up by identifier, never assumed.
+    its vector in its own way. Columns are therefore looked up by identifier.
     """
     replaced: dict[int, int] = {}
     for reduction in chain.reductions:
@@ -192,7 +194,7 @@ def check_against_cvxpy(
     lowered: dict[int, cp.Parameter],
     kept: np.ndarray,
 ) -> None:
-    """Compare the affine map with cvxpy's own, whose rows are not all kept, at random parameter values."""
+    """Compare the affine map with the kept rows of cvxpy's own, at random parameter values."""
     random = np.random.default_rng(0)
     values = {}
     for identifier, parameter in lowered.items():
@@ -217,7 +219,7 @@ def check_against_cvxpy(
         apart = _largest(mine - theirs)
         if not apart <= 1e-12 * (1.0 + _largest(theirs)):
             raise SolverError(
-                f"cvxpy {cp.__version__} lays out {name} differently from what solvers/canonical.py knows "
+                f"cvxpy {cp.__version__} has another layout of {name} than solvers/canonical.py expects "
                 f"(largest difference {apart:.1e}): install the cvxpy version deli pins"
             )
 

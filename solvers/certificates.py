@@ -1,4 +1,4 @@
-"""Proof that a quadratic program has no answer, found and checked here whatever a solver claims."""
+"""Proofs that a quadratic program has no answer, found and checked independently of a solver's claim."""
 
 from typing import Any
 
@@ -11,13 +11,13 @@ from solvers.residuals import Residuals
 from solvers.solution import Status
 
 ROUNDOFF = 1e-12  # a sum of this size, relative to the sum of its terms' magnitudes, is zero
-NOISE = 1e-9  # of a vector in the unit box, taken for zero
+NOISE = 1e-9  # a component of this size, of a vector in the unit box, is taken for zero
 OPTIONS = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10, "maxiter": 100_000}
 
 
-@np.errstate(over="ignore", invalid="ignore")  # numbers of any size; what overflows proves nothing
+@np.errstate(over="ignore", invalid="ignore")  # numbers have any size; one that overflows proves nothing
 def prove(program: QuadraticProgram, residuals: Residuals, tolerance: float) -> Status | None:
-    r"""Return ``INFEASIBLE`` or ``UNBOUNDED`` if that is proved, None if neither is.
+    r"""Return ``INFEASIBLE`` or ``UNBOUNDED`` if that is proved, else None.
 
     With e over equality and i over inequality rows, a program is infeasible if there is a Farkas vector y,
 
@@ -27,9 +27,9 @@ def prove(program: QuadraticProgram, residuals: Residuals, tolerance: float) -> 
 
     .. math:: P d = 0, \qquad A_e d = 0, \qquad A_i d \le 0, \qquad -q^T d > \tau \sum_j |d_j| (1 + |q_j|):
 
-    no multipliers balance the forces to the tolerance. A positive definite P has no ray. The vectors and the point are
-    found by linear programs (HiGHS), and then checked in the program's own numbers. A component that has to vanish does
-    so, in any units, if its terms cancel to `ROUNDOFF` of their magnitudes. A point is feasible if its primal residual
+    no multipliers balance the forces to the tolerance. A positive definite P has no ray. Linear programs (HiGHS) find
+    the vectors and the point, which are then checked in the program's own numbers. A component counts as zero, in any
+    units, if its terms cancel to `ROUNDOFF` of their magnitudes. A point is feasible if its primal residual
     (`solvers.residuals`) is within the tolerance.
     """
     P, A = sparse.csr_array(program.quadratic.to_sparse()), sparse.csr_array(program.matrix.to_sparse())
@@ -90,7 +90,7 @@ def _minimize(cost: np.ndarray, bounds: tuple[Any, Any], **rows: Any) -> np.ndar
 
 
 def _unit(matrix: Any) -> tuple[sparse.csr_array, np.ndarray]:
-    """Scale rows to unit maximum norm, and return their norms; a row of zeros is left, its norm called one."""
+    """Scale rows to unit maximum norm, and return the rows and their norms, one for a row of zeros."""
     entries = matrix.tocoo()
     size = np.zeros(matrix.shape[0])
     np.maximum.at(size, entries.row, np.abs(entries.data))
@@ -100,6 +100,6 @@ def _unit(matrix: Any) -> tuple[sparse.csr_array, np.ndarray]:
 
 
 def _vanishes(matrix: Any, vector: np.ndarray) -> np.ndarray:
-    """Say of each component of a product whether its terms cancel."""
+    """Return for each component of a product whether its terms cancel."""
     cancelled: np.ndarray = np.abs(matrix @ vector) <= ROUNDOFF * (abs(matrix) @ np.abs(vector))
     return cancelled

@@ -1,7 +1,7 @@
-"""The backends that "auto" asks, in order: chosen by a program's size, sparsity and curvature when it is compiled.
+"""The members of the chain "auto", chosen by a program's size, sparsity and curvature when it is compiled.
 
-Median µs of a compiled re-solve on 2 cores that others shared, the first of each chain in brackets. Projections and
-predictive control are measured anew by `deli bench backends`, "auto" beside the others.
+The table gives the median µs of a compiled re-solve on 2 shared cores, with the first member of each chain in brackets.
+`deli bench backends` measures projections and predictive control anew, "auto" beside the others.
 
 | program | n, rows | native | daqp | piqp | clarabel | osqp |
 |---|---|---|---|---|---|---|
@@ -28,11 +28,11 @@ FILLED, SPARSE = ("daqp", "piqp"), ("clarabel", "piqp")  # of large programs
 
 
 def choose(program: QuadraticProgram) -> tuple[str, ...]:
-    """Return the members of the chain for a program, of which its patterns are looked at and not its numbers.
+    """Return the members of the chain for a program, by its patterns and not by its numbers.
 
-    A small program goes to the chain ``registry.CHAINS["auto"]``. Native is fast with curvature, which no variable has
-    without an entry on the diagonal of P, and keeps rows sparse if P has no other entries. The first member decides
-    about the speed; the others answer where it fails.
+    A small program, which is stored dense, goes to the chain ``registry.CHAINS["auto"]``. Native is fast with
+    curvature: it leads only where every variable has an entry on the diagonal of P. It keeps rows sparse if P has no
+    other entries. The first member decides about the speed; the others answer where it fails.
     """
     P, A = program.quadratic, program.matrix
     columns = np.repeat(np.arange(program.variables), np.diff(P.indptr))

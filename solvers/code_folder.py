@@ -1,4 +1,4 @@
-"""The temporary folder for compiled code, of a process and all its children: named at once, and made at need."""
+"""The temporary folder for compiled code of a process and its children: named at import, and made when it is needed."""
 
 import atexit
 import os
@@ -7,11 +7,11 @@ import shutil
 import tempfile
 
 SETTING, SHARED = "NUMBA_CACHE_DIR", "DELI_TEMPORARY_CODE"
-"""Variables of the environment: the folder that users choose, and the temporary one, empty where there can be none."""
+"""Variables of the environment: the folder that users choose, and the temporary one; empty if none can be made."""
 
 
 def reserve() -> None:
-    """Name the folder, unless a parent has, and remove it when this process ends."""
+    """Name the folder, unless a parent process has named it, and remove it when this process ends."""
     if SHARED in os.environ:
         return
     try:
@@ -23,5 +23,5 @@ def reserve() -> None:
 
 
 def _remove(folder: str, owner: int) -> None:
-    if os.getpid() == owner:  # and no fork of it
+    if os.getpid() == owner:  # not in a fork
         shutil.rmtree(folder, ignore_errors=True)

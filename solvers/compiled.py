@@ -21,7 +21,7 @@ from solvers.solution import Solution, Status
 from solvers.threads import CVXPY
 from solvers.views import Views
 
-# Looking a member up on its class takes far longer than a name, and a solve does it several times.
+# A lookup of an enum's member on its class takes far longer than one of a name, and a solve needs several.
 SOLVED, INACCURATE = Status.SOLVED, Status.INACCURATE
 NO_POINT = (Status.INFEASIBLE, Status.UNBOUNDED)
 FIXED = ("backend", "parameters", "program", "tolerance")
@@ -50,21 +50,21 @@ def compile(
         Variables of any other attributes but ``PSD`` and ``NSD``. An inequality whose bound holds inf as a constant
         is open there: it has no row, and the multiplier 0.
     backend : str
-        One of `solvers.backends`, ``"auto"`` (those that suit the problem's size, sparsity and curvature, one
-        after another until an answer is verified: `solvers.choosing`), or ``"cvxpy:SOLVER"`` for any solver cvxpy has.
+        One of `solvers.backends`, ``"auto"`` (backends that suit the problem's size, sparsity and curvature, one
+        after another until an answer is verified: `solvers.choosing`), or ``"cvxpy:SOLVER"`` for any solver of cvxpy.
     tolerance : float
-        Bound on the scaled KKT residuals (`solvers.residuals`); means the same for every backend.
+        Bound on the scaled KKT residuals (`solvers.residuals`), with the same meaning for every backend.
     polish : bool
         Refine each answer by solving the linear system of its active set (`solvers.polish`).
     check_parameters : bool
-        Check at every solve that values are what their Parameters declare (positive semidefinite, nonnegative, ...).
-        Without, that is the caller's business.
+        Check at every solve that values have the attributes that their Parameters declare (positive semidefinite,
+        nonnegative, ...). Otherwise the caller answers for them.
     warm_start : bool
-        Begin each solve at the answer of the one before, if that was solved. Answers then depend on it, within the
-        tolerance; without, they are functions of the parameter values alone, bit for bit.
+        Begin each solve at the answer of the previous one, if that was solved. Answers then depend on the previous one,
+        within the tolerance. Otherwise they are functions of the parameter values alone, bit for bit.
     **options
         The backend's own settings, by its own names. For ``"auto"``, one mapping for each of native, daqp, piqp and
-        clarabel, by name; those count that the problem is given to.
+        clarabel, by name; mappings for backends that are not members of the problem's chain have no effect.
 
     Returns
     -------
@@ -73,8 +73,20 @@ def compile(
     Raises
     ------
     SolverError
-        If the problem, the backend or an option cannot be used: naming the cone, the Variable, the Parameter or the
-        constraint in the way, or the entries without curvature if the backend needs it everywhere.
+        If the problem, the backend or an option cannot be used. The message names the cone, the Variable, the Parameter
+        or the constraint in the way, or the entries without curvature if the backend needs it everywhere.
+
+    Examples
+    --------
+    >>> import cvxpy as cp
+    >>> import solvers
+    >>> x, b = cp.Variable(2, name="x"), cp.Parameter(2, name="b")
+    >>> problem = cp.Problem(cp.Minimize(0.5 * cp.sum_squares(x) - b @ x), [x >= 0.5])
+    >>> compiled = solvers.compile(problem, "clarabel", tolerance=1e-8)
+    >>> compiled.solve(b=[1.0, -1.0]).primal["x"].round(6)
+    array([1. , 0.5])
+    >>> compiled.solve(b=[3.0, 2.0]).primal["x"].round(6)
+    array([3., 2.])
     """
     if not 0.0 < tolerance < 1.0:
         raise SolverError(f"tolerance is {tolerance!r}; allowed: a number between 0 and 1, such as 1e-9")
@@ -103,22 +115,22 @@ def compile(
 
 
 class CompiledProblem:
-    """What `solvers.compile` returns.
+    """A problem that `solvers.compile` has canonicalized.
 
     Several threads may call `solve` of one compiled problem: calls take turns, each with its own values and its own
-    answer. With a warm start each begins at the answer of the call before, whichever thread made it. Values that are
+    answer. With a warm start each begins at the answer of the previous call of any thread. Values that are
     written into `parameters` belong to all threads. Compile once for each thread to solve at the same time.
 
-    Attributes cannot be assigned to: what they say is fixed when the problem is compiled.
+    The attributes below are fixed when the problem is compiled.
 
     Attributes
     ----------
     parameters : mapping of str to ndarray
         Writable views of the parameter values, in each Parameter's shape. Of a symmetric Parameter the upper
         triangle is used, of a diagonal one the diagonal. The view of a sparse one is a vector of the entries that it
-        declares, row by row. Names cannot be assigned to: ``parameters["b"][...] = value`` writes into a view.
+        declares, row by row. ``parameters["b"][...] = value`` writes into a view. A view cannot be replaced.
     backend : str
-        The name asked for.
+        The name given to `solvers.compile`.
     program : QuadraticProgram
         The standard form, with the numbers of the last solve; for reading only.
     tolerance : float
@@ -127,9 +139,22 @@ class CompiledProblem:
     Notes
     -----
     A copy (`copy`, `pickle`, and with it processes, joblib and Dask) is compiled anew from the problem, the keywords
-    given to `solvers.compile` and the current parameter values: it shares nothing with its original but, within a
-    process, the cvxpy problem, gives the same answers bit for bit, and begins without a warm start. Backends of the
-    user's own have to be registered where it is unpickled.
+    given to `solvers.compile` and the current parameter values. It gives the same answers bit for bit, begins without a
+    warm start, and shares nothing with its original but, within a process, the cvxpy problem. A process that unpickles
+    it has to register the user's own backends first.
+
+    Examples
+    --------
+    >>> import cvxpy as cp
+    >>> import solvers
+    >>> x, b = cp.Variable(2, name="x"), cp.Parameter(2, name="b")
+    >>> problem = cp.Problem(cp.Minimize(0.5 * cp.sum_squares(x) - b @ x), [x >= 0.5])
+    >>> compiled = solvers.compile(problem, "daqp")
+    >>> compiled.parameters["b"][...] = 1.0
+    >>> compiled.parameters["b"][1] = -1.0
+    >>> solution = compiled.solve()
+    >>> solution.primal["x"].round(6), solution.dual[0].round(6)
+    (array([1. , 0.5]), array([0. , 1.5]))
     """
 
     __slots__ = (
@@ -180,22 +205,22 @@ class CompiledProblem:
         Parameters
         ----------
         **parameters
-            Values by Parameter name, in its shape or its view's; one that is not given keeps its last value; at first
-            that is its ``.value``, if it had one when the problem was compiled.
+            Values by Parameter name, in the shape of the Parameter or of its view. A Parameter that is not given keeps
+            its last value; at first that is its ``.value``, if it had one when the problem was compiled.
 
         Returns
         -------
         Solution
             A function of the parameter values alone, bit for bit, unless compiled with ``warm_start=True``. A call from
-            another thread waits until this one has its answer.
+            another thread waits until this call has its answer.
 
         Raises
         ------
         ParameterError
-            If a name is unknown, or a value has another shape or is not made of finite real numbers. An inequality
-            is left open by inf in a constant of the model, not by the value of a Parameter.
+            If a name is unknown, or a value has another shape or is not made of finite real numbers. Only inf in a
+            constant of the model opens an inequality; inf as the value of a Parameter is refused.
         BackendError
-            If the backend, or the last member of a chain, raises something.
+            If the backend, or the last member of a chain, raises an exception.
         """
         with self._lock:  # numbers, solvers and residuals are shared by all calls
             return self._solve(parameters)
@@ -236,7 +261,7 @@ class CompiledProblem:
         return self._report(answer, status, polished, member, start, setup_time, solve_time)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the parts that a compiled problem is made of."""
+        """Pickle the parts of a compiled problem."""
         return rebuild, (compile, *parts(self._canonical.problem, self._keywords, self.parameters))
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "CompiledProblem":
@@ -244,7 +269,7 @@ class CompiledProblem:
         return copy(self)
 
     def _judge(self, answer: Answer) -> tuple[Status, Answer, bool]:
-        """Decide on proofs and residuals what the answer is worth, after polishing it if asked to."""
+        """Return the verdict on an answer by proofs and residuals, and the answer, polished if the problem says so."""
         claimed = answer.claimed
         residuals = self._residuals
         if claimed in NO_POINT:
@@ -264,7 +289,7 @@ class CompiledProblem:
                 worst = residuals.compute(*better)
                 polished = True
                 answer = answer._replace(x=better[0], y=better[1])
-        # Where the polish looked, an answer that it found exact needs no claim of the solver's.
+        # With polish, an answer within the tolerance counts as solved without a claim of the solver.
         if claimed is SOLVED or claimed is INACCURATE or self._polish is not None:
             if worst <= self.tolerance:
                 return SOLVED, answer, polished
@@ -310,7 +335,7 @@ class CompiledProblem:
         )
 
     def _attach(self, member: int) -> Backend:
-        """Set up a member of the chain, when it is first needed."""
+        """Set up a member of the chain at its first use."""
         name = self._members[member]
         if name.startswith(registry.REFERENCE):
             from solvers.backends.reference import Reference

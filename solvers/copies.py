@@ -1,4 +1,4 @@
-"""Copies of compiled problems, which are compiled anew: solvers and shared storage cannot be copied."""
+"""Copies of compiled problems. They are compiled anew, because solvers and shared storage cannot be copied."""
 
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ Parts = tuple["cvxpy.Problem", int, dict[str, Any], dict[str, np.ndarray]]
 
 
 def parts(problem: "cvxpy.Problem", keywords: dict[str, Any], views: Mapping[str, np.ndarray]) -> Parts:
-    """Return the arguments of `rebuild` behind the first: model, count of names, keywords of `compile`, values."""
+    """Return the arguments of `rebuild` after the first: model, count of names, keywords of `compile`, values."""
     from solvers.leaves import highest_identifier, without_cache
 
     values = {name: view.copy() for name, view in views.items()}

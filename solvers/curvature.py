@@ -1,4 +1,4 @@
-"""What the quadratic term of a program lacks for backends that need or prefer it positive definite."""
+"""Curvature of programs, for backends that need or prefer a positive definite quadratic term."""
 
 from typing import TYPE_CHECKING
 
@@ -10,22 +10,22 @@ from solvers.errors import SolverError
 if TYPE_CHECKING:
     from solvers.canonical import Canonical
 
-SEMIDEFINITE = 1e-14  # pivot, relative to the diagonal, that is called zero
+SEMIDEFINITE = 1e-14  # pivot, relative to the diagonal, that counts as zero
 SHOWN = 6  # entries that a message lists
 
 
 def fitting(members: tuple[str, ...], canonical: "Canonical") -> tuple[str, ...]:
-    """Return a chain without the members at its head that miss curvature in a problem, whatever its Parameters' values.
+    """Return a chain without the first members that miss curvature in a problem at all values of its Parameters.
 
     A single backend stays if it only prefers curvature.
 
     Raises
     ------
     SolverError
-        If none is left that takes it: naming the entries of Variables without curvature, and backends that need none.
+        If no member is left. The message names the entries of Variables without curvature, and backends that need none.
     """
     lacking = None
-    while True:  # later members are imported when their turn comes
+    while True:  # later members are imported only when they are reached
         needed = registry.can(members[0], "strictly_convex")
         if not needed and (len(members) == 1 or not registry.can(members[0], "prefers_curvature")):
             return members
@@ -46,7 +46,7 @@ def _refusal(name: str, lacking: str) -> str:
 
 
 def _lacking(canonical: "Canonical") -> str:
-    """Say where there is no curvature at any value of the Parameters; nothing where there may be some."""
+    """Return where curvature is missing at all values of the Parameters; empty text if it may be complete."""
     quadratic = canonical.map.program.quadratic
     matrix = quadratic.to_sparse()
     if not quadratic.constant:

@@ -1,6 +1,6 @@
-"""What Parameters declare about their values, checked at every solve.
+"""Checks of the attributes that Parameters declare, made at every solve.
 
-Only Parameters with attributes cost anything. The rules of disciplined programming rest on them: a problem whose
+Only Parameters with attributes cost time. The rules of disciplined programming rest on the attributes: a problem whose
 ``Parameter(PSD=True)`` holds an indefinite matrix is not convex, and its stationary points are no solutions.
 """
 
@@ -28,7 +28,7 @@ def real_numbers(name: str, value: Any) -> np.ndarray:
     Raises
     ------
     ParameterError
-        If it holds complex numbers, text, other objects or masked entries, or is no array of any shape.
+        If the value holds complex numbers, text, other objects or masked entries, or is no array of any shape.
     """
     if np.ma.is_masked(value):
         raise ParameterError(f"parameter {name!r} has masked entries; allowed: real numbers everywhere")
@@ -39,12 +39,12 @@ def real_numbers(name: str, value: Any) -> np.ndarray:
     if array.dtype.kind not in REAL:
         found = KINDS.get(array.dtype.kind, f"values of type {array.dtype}")
         raise ParameterError(f"parameter {name!r} holds {found}; allowed: real numbers")
-    with np.errstate(over="ignore"):  # what no double holds becomes inf, which is refused
+    with np.errstate(over="ignore"):  # a number too large for a double becomes inf, which is refused
         return array.astype(float, copy=False)
 
 
 def checks(parameters: "list[cvxpy.Parameter]", views: dict[str, np.ndarray]) -> tuple[Check, ...]:
-    """Return one function for each attribute to check; it raises ParameterError where the value violates it."""
+    """Return one function for each attribute to check; it raises ParameterError if the value lacks the attribute."""
     found: list[Check] = []
     for parameter in parameters:
         name, attributes = parameter.name(), parameter.attributes

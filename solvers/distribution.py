@@ -1,11 +1,11 @@
-"""The distribution that installs the packages `deli` and `solvers`: its name, and how its extras are installed."""
+"""The distribution that installs the packages `deli` and `solvers`: its name, and the command for its extras."""
 
 DISTRIBUTION = "deli-contact"
 """Name of the distribution. The package index has other projects called ``deli`` and ``solvers``."""
 
 
 def install_line(extra: str) -> str:
-    """Return the words that tell a user how to install an extra.
+    """Return the command that installs an extra, with the place to run it.
 
     Parameters
     ----------
@@ -14,6 +14,7 @@ def install_line(extra: str) -> str:
 
     Examples
     --------
+    >>> from solvers.distribution import install_line
     >>> install_line("jax")
     "pip install '.[jax]' (in a checkout of deli-contact)"
     """

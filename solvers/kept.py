@@ -1,4 +1,4 @@
-"""Compiled code that is kept on disk: where numba keeps it, or in a temporary folder where it cannot."""
+"""Compiled code on disk: in numba's own folders, or in a temporary folder if those cannot be used."""
 
 import logging
 import os
@@ -45,15 +45,15 @@ def kept_callback(function: Callable[..., Any], signature: Any, pipeline: Any, *
 
 
 def cache_of(function: Callable[..., Any]) -> Any:
-    """Return where the code of a function is kept; its `cache_path` is None where that is nowhere."""
+    """Return the cache of a function's code; its `cache_path` is None if there is no folder for it."""
     try:
         return _Cache(function)
-    except RuntimeError:  # numba's word for it
+    except RuntimeError:  # which numba raises if there is no folder
         return NullCache()
 
 
 def find_room(function: Callable[..., Any], size: int) -> Path | None:
-    """Return the folder where the code of a function is kept, once it has been found to hold so many bytes."""
+    """Return a folder for the code of a function that has room for `size` bytes; None if there is none."""
     cache = cache_of(function)
     if cache.cache_path is None:
         return None
@@ -70,11 +70,11 @@ def find_room(function: Callable[..., Any], size: int) -> Path | None:
 def _fill(folder: str, size: int) -> None:
     os.makedirs(folder, exist_ok=True)
     with tempfile.TemporaryFile(dir=folder) as file:
-        file.write(os.urandom(size))  # what does not become smaller where a file system compresses
+        file.write(os.urandom(size))  # random, because some file systems compress
 
 
 class _Shared(UserWideCacheLocator):
-    """The temporary folder, where this process or another of its family has made it."""
+    """The temporary folder, if this process, its parent or one of its children has made it."""
 
     def __init__(self, function: Callable[..., Any], file: str) -> None:
         super().__init__(function, file)
@@ -86,7 +86,7 @@ class _Shared(UserWideCacheLocator):
 
 
 class _Temporary(_Shared):
-    """The last resort, which is made at need."""
+    """The temporary folder as the last resort, made when it is needed."""
 
     @classmethod
     def from_function(cls, function: Callable[..., Any], file: str) -> Any:
@@ -101,12 +101,12 @@ class _Places(CompileResultCacheImpl):
         super().__init__(function)
         if config.CACHE_DIR and not isinstance(self.locator, UserProvidedCacheLocator | _Shared):
             _tell(f"{_setting()} cannot be written to: compiled code is kept in {self.locator.get_cache_path()}")
-            os.environ.pop(SETTING, None)  # the children's word would be the same
+            os.environ.pop(SETTING, None)  # children would repeat the message
             config.CACHE_DIR = ""
 
 
 class _Cache(FunctionCache):
-    """Numba's, which goes to the temporary folder where a file cannot be read or written."""
+    """Numba's cache, which moves to the temporary folder if a file cannot be read or written."""
 
     _impl_class = _Places
 
@@ -129,7 +129,7 @@ class _Cache(FunctionCache):
                 self.save_overload(signature, code)
 
     def _leave(self, verb: str, error: OSError) -> bool:
-        """Go to the temporary folder, if there is one and this is another; keep nothing else."""
+        """Move to the temporary folder and return True; if that is impossible, keep no code and return False."""
         if not isinstance(self.locator, _Shared):
             _go_apart(f"a file in {self.cache_path} cannot be {verb} ({error.strerror})")
             if os.path.isdir(os.environ[SHARED]):
@@ -144,7 +144,7 @@ def _setting() -> str:
 
 
 def _go_apart(why: str) -> None:
-    """Make the temporary folder, and say so."""
+    """Make the temporary folder, and log a message."""
     try:
         os.mkdir(os.environ[SHARED], 0o700)
     except FileExistsError:
@@ -158,5 +158,5 @@ def _go_apart(why: str) -> None:
 
 @cache
 def _tell(message: str) -> None:
-    """Say something once."""
+    """Log a message once."""
     logger.warning(message)

@@ -1,4 +1,4 @@
-"""Compiled arithmetic of every solve: numba compiles it at first use and keeps the result on disk."""
+"""The compiled arithmetic of each solve: numba compiles it at first use and keeps the result on disk."""
 
 import math
 
@@ -11,13 +11,13 @@ from solvers.kept import kept
 def dense_residuals(
     P: np.ndarray, A: np.ndarray, q: np.ndarray, u: np.ndarray, equalities: int, x: np.ndarray, y: np.ndarray
 ) -> tuple[float, float, float, float, float]:
-    """Primal, dual, complementarity, natural residual, and objective (`solvers.residuals.Residuals`), dense."""
+    """Return primal, dual, complementarity, natural residual, and objective (`solvers.residuals.Residuals`), dense."""
     n, rows = q.size, u.size
     Px, Ax, Aty = np.zeros(n), np.empty(rows), np.zeros(n)
     pull = 0.0
     for i in range(n):
         for j in range(n):
-            Px[j] += P[i, j] * x[i]  # P is symmetric, and adding rows of it needs no reduction
+            Px[j] += P[i, j] * x[i]  # P is symmetric, and a sum of its rows needs no reduction
     for i in range(rows):
         reached = 0.0
         for j in range(n):
@@ -44,7 +44,7 @@ def sparse_residuals(
     x: np.ndarray,
     y: np.ndarray,
 ) -> tuple[float, float, float, float, float]:
-    """The same with matrices stored by compressed columns."""
+    """Return the numbers of `dense_residuals` for matrices stored by compressed columns."""
     n, rows = q.size, u.size
     Px, Ax, Aty = np.zeros(n), np.zeros(rows), np.zeros(n)
     pull = 0.0

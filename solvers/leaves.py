@@ -1,4 +1,4 @@
-"""Values of a cvxpy problem's Parameters and Variables, and the ways in and out of them."""
+"""Values of a cvxpy problem's Parameters and Variables: reading and writing them."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,7 +18,7 @@ from solvers.solution import Solution, Status
 
 @contextmanager
 def kept_values(problem: cp.Problem) -> Iterator[None]:
-    """Put back, on leaving, the values of a problem's Parameters, Variables and multipliers."""
+    """Restore the values of a problem's Parameters, Variables and multipliers on leaving."""
     leaves = [*problem.parameters(), *problem.variables()]
     leaves += [variable for constraint in problem.constraints for variable in constraint.dual_variables]
     saved = [(leaf, leaf._value) for leaf in leaves]
@@ -30,26 +30,26 @@ def kept_values(problem: cp.Problem) -> Iterator[None]:
 
 
 def without_cache(problem: cp.Problem) -> cp.Problem:
-    """The same problem without what cvxpy keeps of its solves, which cannot be pickled."""
+    """Return a copy of a problem without cvxpy's cache of its solves, which cannot be pickled."""
     return cp.Problem(problem.objective, problem.constraints)
 
 
 def highest_identifier() -> int:
-    """Return the number up to which cvxpy has named Variables, Parameters and constraints in this process."""
+    """Return the highest number that cvxpy has given to a Variable, Parameter or constraint in this process."""
     return int(ID_COUNTER.count)
 
 
 def reserve_identifiers(upto: int) -> None:
-    """Let cvxpy name what it makes from now on differently from a problem that came from another process.
+    """Let cvxpy use only higher numbers from now on, for a problem that comes from another process.
 
-    It numbers the auxiliary variables of a problem from its own count, which in a new process would meet those of a
-    problem that was unpickled there.
+    cvxpy numbers the auxiliary variables of a problem from the count of its process. In a new process these numbers
+    could collide with those of an unpickled problem.
     """
     ID_COUNTER.count = max(ID_COUNTER.count, upto)
 
 
 def value_of(parameter: cp.Parameter) -> np.ndarray | None:
-    """Return a Parameter's value as its view holds it, None if it has none."""
+    """Return a Parameter's value as its view holds it; None if it has no value."""
     if parameter.attributes["sparsity"]:  # cvxpy warns when such a value is read the usual way
         return None if parameter._value is None else np.asarray(parameter._value)[np.argsort(_places(parameter))]
     return None if parameter.value is None else np.asarray(parameter.value)
@@ -65,7 +65,7 @@ def assign(parameter: cp.Parameter, value: np.ndarray) -> None:
 
 
 def view_shape(parameter: cp.Parameter) -> tuple[int, ...]:
-    """Shape of a Parameter's view: its own, or one entry for each that a sparse one declares, row by row."""
+    """Return the shape of a Parameter's view: its own; of a sparse Parameter the number of its declared entries."""
     shape: tuple[int, ...] = parameter.shape
     return (parameter.sparse_idx[0].size,) if parameter.attributes["sparsity"] else shape
 
@@ -92,24 +92,24 @@ def write_back(problem: cp.Problem, solution: Solution) -> None:
 
 
 def _as_cvxpy(variable: cp.Variable, value: np.ndarray) -> "np.ndarray | sparse.dia_array":
-    """A Variable's value as cvxpy stores it: sparse where it is diagonal."""
+    """Return a Variable's value as cvxpy stores it: sparse if the Variable is diagonal."""
     return sparse.diags_array(np.diag(value)) if variable.attributes["diag"] else value
 
 
 def lowered_view(parameter: cp.Parameter, view: np.ndarray) -> np.ndarray:
-    """The free entries that cvxpy replaces a Parameter by, from what its view holds."""
+    """Return the free entries by which cvxpy replaces a Parameter, from the content of its view."""
     if parameter.attributes["sparsity"]:
         return view[_ranks(parameter)]
     return np.asarray(lower_value(parameter, view)) if parameter._has_dim_reducing_attr else view
 
 
 def declared_entries(parameter: cp.Parameter, value: np.ndarray) -> np.ndarray:
-    """Turn a sparse Parameter's value in its own shape into what its view holds.
+    """Return the declared entries of a sparse Parameter, row by row, from a value in the Parameter's shape.
 
     Raises
     ------
     ParameterError
-        If entries that it does not declare are not zero.
+        If an entry that is not declared is not zero.
     """
     entries: np.ndarray = value.ravel()[np.sort(_places(parameter))]
     if np.count_nonzero(entries) != np.count_nonzero(value):
@@ -118,7 +118,7 @@ def declared_entries(parameter: cp.Parameter, value: np.ndarray) -> np.ndarray:
 
 
 def _places(parameter: cp.Parameter) -> np.ndarray:
-    """Places of the entries of a sparse Parameter, in cvxpy's order, which differs with scipy's version."""
+    """Return the places of the entries of a sparse Parameter, in cvxpy's order, which depends on scipy's version."""
     return np.asarray(np.ravel_multi_index(parameter.sparse_idx, parameter.shape))
 
 

@@ -1,4 +1,4 @@
-"""The compiled path for people who call ``problem.solve``."""
+"""A solve method of cvxpy: ``problem.solve`` by the compiled path."""
 
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -11,16 +11,28 @@ _compiled: "WeakKeyDictionary[Any, dict[str, CompiledProblem]]" = WeakKeyDiction
 
 
 def register_solve_method(name: str = "compiled") -> None:
-    """Let every cvxpy problem be solved with ``problem.solve(method=name, backend="daqp", ...)``.
+    """Register a method of cvxpy, for ``problem.solve(method=name, backend="daqp", ...)``.
 
-    Takes the keywords of `solvers.compile`; values, multipliers, status and objective value are written back as
-    cvxpy does. ``problem.solver_stats`` has the name of the backend that answered, its times and iterations, and the
+    The method takes the keywords of `solvers.compile`. It writes values, multipliers, status and objective value back
+    as cvxpy does. ``problem.solver_stats`` has the name of the backend that answered, its times and iterations, and the
     `solvers.Solution` as ``extra_stats``. Each problem is compiled at its first solve, once for every choice of
-    keywords; what was compiled is freed with the problem.
+    keywords. The compiled problems are freed with their problem.
 
-    Threads may solve problems of their own at the same time. One problem has one set of values: threads that share it
+    Threads may solve problems of their own at the same time. A problem has one set of values: threads that share it
     have to hold a lock from setting its Parameters to reading its Variables, or use `solvers.compile`, whose answers
     belong to the caller.
+
+    Examples
+    --------
+    >>> import cvxpy as cp
+    >>> import solvers
+    >>> solvers.register_solve_method()
+    >>> x, b = cp.Variable(2, name="x"), cp.Parameter(name="b", value=2.0)
+    >>> problem = cp.Problem(cp.Minimize(cp.sum_squares(x)), [x[0] + x[1] >= b])
+    >>> round(problem.solve(method="compiled", backend="daqp"), 6)
+    2.0
+    >>> x.value.round(6)
+    array([1., 1.])
     """
     import cvxpy
 
@@ -39,7 +51,7 @@ def _solve(problem: Any, **keywords: Any) -> float:
 
 
 def _prepare(problem: Any, keywords: dict[str, Any]) -> tuple[CompiledProblem, dict[str, Any]]:
-    """Return what is compiled for a problem and choice of keywords, and the values of its Parameters."""
+    """Return the compiled problem for a choice of keywords, and the values of the Parameters."""
     import cvxpy
 
     from solvers.leaves import value_of
@@ -47,7 +59,7 @@ def _prepare(problem: Any, keywords: dict[str, Any]) -> tuple[CompiledProblem, d
     known = _compiled.setdefault(problem, {})
     key = repr(sorted(keywords.items()))
     if key not in known:
-        # The key itself, held by its own value, would never be freed.
+        # A value that held the key itself would keep it alive.
         known[key] = compile(cvxpy.Problem(problem.objective, problem.constraints), **keywords)
     values = {}
     for parameter in problem.parameters():

@@ -23,9 +23,9 @@ SOLVED, INFEASIBLE, ITERATION_LIMIT, TOO_LARGE, FAILED = range(5)
 
 ROUNDING = 16 * 2.0**-52  # violation of a row, relative to its terms, that rounding explains
 DEPENDENT = 1e-10  # part of a row outside the span of the working rows, relative to the terms that cancel
-PARALLEL = 1e-8  # the same, where a multiplier would carry a larger error than a gap below the tolerance is
+PARALLEL = 1e-8  # the same; below it the error of a multiplier would exceed that of a gap within the tolerance
 NOISE = 1e-13  # size of a coefficient, relative to the largest, that rounding explains
-PATIENCE = 20  # rows that may enter on violations near rounding before such violations are looked over
+PATIENCE = 20  # rows that may enter on violations near rounding before such violations are ignored
 
 FREE, WORKING, IGNORED = range(3)
 
@@ -68,10 +68,10 @@ def project_within(
 
     .. math:: d = r - R_W^T c, \qquad R_W R_W^T c = R_W r,
 
-    z moving by t d, the multipliers of W by -t c and that of r by t, until r holds or the multiplier of an
-    inequality in W vanishes, which then leaves. Where d = 0 either a row of W leaves or c proves that there is no
-    feasible point. Every row that enters increases the dual objective, so that no working set comes back; a
-    violation near rounding increases it by nothing, so that after many of them larger ones are looked over.
+    while z moves by t d, the multipliers of W by -t c and the multiplier of r by t. The move ends when r holds, or when
+    the multiplier of an inequality in W vanishes; that inequality then leaves W. If d = 0, either a row of W leaves or
+    c proves that there is no feasible point. Every row that enters increases the dual objective, so that no working set
+    comes back. A violation near rounding does not increase it; after many of them the threshold of a violation grows.
 
     Parameters
     ----------
@@ -80,18 +80,18 @@ def project_within(
     bounds : ndarray, shape (m,)
         Right-hand sides.
     equalities : int
-        The first rows, which are equations.
+        Number of equations, which are the first rows.
     wish : ndarray, shape (n,)
         The point to project.
     tolerance : float
-        Contradictions between dependent rows smaller than this, relative to their terms, are none.
+        Size up to which contradictions between dependent rows, relative to their terms, are ignored.
     limit : int
         Largest working set.
     max_iterations : int
         Largest number of changes of the working set.
     z, y : ndarray, shapes (n,), (m,)
-        Written: the point and the multipliers, with z - wish = R'y and y[e:] >= 0. Where multipliers are so large
-        that this loses digits, z is the one that keeps the working rows.
+        Written: the point and the multipliers, with z - wish = R'y and y[e:] >= 0. If multipliers are so large
+        that this equation loses digits, z satisfies the working rows instead.
 
     Returns
     -------
@@ -114,7 +114,7 @@ def project_within(
         size = max(size, abs(wish[j]))
     for j in range(n):
         reach[j] = max(abs(wish[j]), SMALL * size)
-    zero: Any = np.int64(0)  # a literal would have all that takes it compiled once more
+    zero: Any = np.int64(0)  # a literal would cause a second compilation of the functions that take it
     w = iterations = entered = idle = zero
     threshold = max(ROUNDING, 1e-6 * tolerance)
     refined = True

@@ -3,7 +3,7 @@
     minimize    1/2 |z - wish|^2
     subject to  R z = bounds
 
-R is stored as in `solvers.native`, whose method is for what is declined here.
+R is stored as in `solvers.native`. Programs that these functions decline go to the method of that file.
 """
 
 import math
@@ -14,7 +14,7 @@ from solvers.absorbed import absorbed, inlined
 from solvers.kept import kept
 from solvers.native_rows import residuals_within
 
-INDEPENDENT = 1e-6  # square of the part of a row outside the span of those before it, relative to that of the row
+INDEPENDENT = 1e-6  # squared part of a row outside the span of the rows before it, relative to the square of the row
 ROUNDING = 64 * 2.0**-52  # primal residual that rounding explains
 
 
@@ -50,7 +50,7 @@ def project_onto_row(
     z: np.ndarray,
     y: np.ndarray,
 ) -> float:
-    r"""Project onto the plane of the only row r, as `project_onto_within` does.
+    r"""Project onto the plane of a single row r, as `project_onto_within` does.
 
     .. math:: z = \mathrm{wish} + y\,r, \qquad y = (b - r \cdot \mathrm{wish}) / |r|^2
     """
@@ -82,10 +82,10 @@ def factorize(
     begins: np.ndarray,
     factor: np.ndarray,
 ) -> bool:
-    """Write the Cholesky factor L of R R'; say whether no row of R nearly depends on those before it.
+    """Write the Cholesky factor L of R R'; return False if a row of R nearly depends on the rows before it.
 
-    L is stored row by row up to its diagonal, of which it holds the inverses. Its row i is zero before column
-    ``begins[i]``, as R R' is, and costs as much as there is between. `row` is scratch, of shape (n,).
+    L is stored row by row up to its diagonal, which holds the inverses of its entries. Row i of L is zero before column
+    ``begins[i]``, as row i of R R' is; its cost grows with the entries in between. `row` is scratch, of shape (n,).
     """
     for j in range(row.size):
         row[j] = 0.0
@@ -132,18 +132,18 @@ def project_onto_within(
     z: np.ndarray,
     y: np.ndarray,
 ) -> float:
-    r"""Project a point onto the plane where all rows hold as equations, inequalities too; in numbers of order one.
+    r"""Project a point onto the plane where all rows, also inequalities, hold as equations; numbers are of order one.
 
     .. math:: z = \mathrm{wish} + R^T y, \qquad R R^T y = \mathrm{bounds} - R\,\mathrm{wish};
 
-    y is refined once, with the residual of z in the place of the right-hand side.
+    y is refined once, with the residual of z in place of the right-hand side.
 
     Parameters
     ----------
     start, column, value, bounds, equalities, wish
         As for `solvers.native.project_within`.
     begins, factor : ndarray
-        What `factorize` has written.
+        Output of `factorize`.
     right, pull : ndarray, shapes (m,), (n,)
         Scratch.
     z, y : ndarray, shapes (n,), (m,)
@@ -152,8 +152,8 @@ def project_onto_within(
     Returns
     -------
     residual : float
-        The largest of those that `solvers.native.residuals` gives; nan where z is not the answer, because an inequality
-        has a negative multiplier, or a row is missed by more than rounding explains.
+        Largest residual of `solvers.native.residuals`; nan if z is not the answer, because an inequality has a negative
+        multiplier or the primal residual is larger than rounding explains.
     """
     m = bounds.size
     for j in range(wish.size):

@@ -1,4 +1,4 @@
-"""The linear algebra of `solvers.native`: a Cholesky factor of the working rows' Gram matrix, and what it solves."""
+"""The linear algebra of `solvers.native`: a Cholesky factor of the working rows' Gram matrix, and solves with it."""
 
 import math
 from typing import Any
@@ -9,7 +9,7 @@ from solvers.absorbed import absorbed
 from solvers.native_rows import SMALL
 
 EPSILON = 2.0**-52
-ROUNDS = 3  # corrections at the end; only nearly parallel rows take the third
+ROUNDS = 3  # corrections at the end; only nearly parallel rows need the third
 
 
 @absorbed
@@ -68,8 +68,8 @@ def direction(
 ) -> float:
     """Split a row into R_W'c + d with R_W d = 0; write also its entries in L, and return |d|^2.
 
-    The factor of a Gram matrix has lost half the digits. As in a Gram-Schmidt step done twice, what R_W d still
-    holds is removed again, so that |d| is as exact as from an orthogonal factorization.
+    The factor of a Gram matrix has lost half the digits. As in a Gram-Schmidt step done twice, the remainder of R_W d
+    is removed again, so that |d| is as exact as from an orthogonal factorization.
     """
     for j in range(d.size):
         d[j] = 0.0
@@ -100,7 +100,7 @@ def direction(
 
 @absorbed
 def append(factor: np.ndarray, w: int, entry: np.ndarray, pivot: float) -> np.ndarray:
-    """Append a row to L, in a storage twice as large if it is full."""
+    """Append a row to L, in a storage twice as large if the old one is full."""
     place = w * (w + 1) // 2
     if place + w >= factor.size:
         grown = np.empty(2 * (place + w + 1))
@@ -124,7 +124,7 @@ def remove(
     entry: np.ndarray,
     state: np.ndarray,
 ) -> int:
-    """Take a row out of the working set: rotations make L triangular again. Rows set aside are looked at again."""
+    """Remove a row from the working set; rotations make L triangular again, and ignored rows become free again."""
     state[working[at]] = 0
     for i in range(state.size):
         if state[i] == 2:
@@ -166,10 +166,10 @@ def refine(
     z: np.ndarray,
     y: np.ndarray,
 ) -> int:
-    """Refine z and y on the working set, from which rows with negative multipliers leave; return its size.
+    """Refine z and y on the working set, remove rows with negative multipliers from it, and return its size.
 
-    With g = wish + R_W'y - z a round adds to y the e of R_W R_W'e = b_W - R_W (z + g), and to z g + R_W'e: the
-    residuals of both equations are removed, so that neither pays for the digits that the other has lost.
+    With g = wish + R_W'y - z and R_W R_W'e = b_W - R_W (z + g), a round adds e to y, and g + R_W'e to z. It removes the
+    residuals of both equations, so that digits lost in one do not spoil the other.
     """
     while True:
         for again in range(ROUNDS):

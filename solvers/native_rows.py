@@ -1,4 +1,4 @@
-"""What the rows of `solvers.native` say about a point."""
+"""Violations and residuals of a point, by the rows of `solvers.native`."""
 
 import math
 from typing import Any
@@ -13,7 +13,7 @@ SMALL = 1e-3  # coordinates smaller than this, relative to the largest, may hold
 
 @absorbed
 def length(start: np.ndarray, value: np.ndarray, row: int) -> float:
-    """Squared length of a row."""
+    """Return the squared length of a row."""
     total = 0.0
     for k in range(start[row], start[row + 1]):
         total += value[k] * value[k]
@@ -24,7 +24,7 @@ def length(start: np.ndarray, value: np.ndarray, row: int) -> float:
 def scale(
     start: np.ndarray, column: np.ndarray, value: np.ndarray, bounds: np.ndarray, reach: np.ndarray, row: int
 ) -> float:
-    """Size of the terms of a row's slack; for a row of zeros that of the point."""
+    """Return the size of the terms of a row's slack; of a row of zeros, the size of the point."""
     total = 0.0
     for k in range(start[row], start[row + 1]):
         total += abs(value[k]) * reach[column[k]]
@@ -47,8 +47,8 @@ def most_violated(
     threshold: float,
     first: bool,
 ) -> tuple[int, float]:
-    """Find the inequality farthest from holding, or the first one; and its violation over what is looked over."""
-    chosen: Any = np.int64(-1)  # a literal would have all that takes it compiled once more
+    """Return the most violated inequality, or the first violated one, and its violation over the allowed one."""
+    chosen: Any = np.int64(-1)  # a literal would cause a second compilation of the functions that take it
     excess = farthest = 0.0
     for i in range(equalities, bounds.size):
         if state[i] != 0:
@@ -95,9 +95,9 @@ def residuals_within(
     y: np.ndarray,
     pull: np.ndarray,
 ) -> tuple[float, float, float]:
-    """Primal, dual and complementarity residual of `solvers.residuals.Residuals`, nan if anything is not finite.
+    """Return primal, dual and complementarity residual (`solvers.residuals.Residuals`); nan if a number is not finite.
 
-    There the program is P = I, q = -wish, A = -R, u = -bounds. `pull` is scratch, of shape (n,).
+    In the standard form P = I, q = -wish, A = -R, u = -bounds. `pull` is scratch, of shape (n,).
     """
     for j in range(wish.size):
         pull[j] = 0.0

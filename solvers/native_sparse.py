@@ -3,7 +3,7 @@
     minimize    1/2 |z - wish|^2
     subject to  R[:e] z = bounds[:e],   R[e:] z >= bounds[e:]
 
-with rows of unit length; what `solvers.native` solves, for working sets too large for a dense factor.
+with rows of unit length. It is the program of `solvers.native`, for working sets too large for a dense factor.
 """
 
 import numpy as np
@@ -12,20 +12,20 @@ from scipy.sparse.linalg import SuperLU, splu
 
 SOLVED, UNSETTLED = 0, 1
 
-SHIFT = 1e-10  # of the Gram matrix, which is singular where rows depend on each other; refinement takes it out
+SHIFT = 1e-10  # added to the diagonal of the Gram matrix, singular if rows are dependent; refinement removes it
 REFINEMENTS = 30
 ROUNDS = 200  # changes of the active set
-SHARE = 0.3  # of the strongest pull, from which on rows leave together
+SHARE = 0.3  # rows leave together whose multipliers are at least this share of the most negative one
 NOISE = 1e-12  # size of a multiplier or violation, relative to the largest terms, that rounding explains
 
 
 class SparseProjection:
-    """Projects points, keeping the last factorization for the next point with the same active rows.
+    """A projection that keeps its last factorization for the next point with the same active rows.
 
     Parameters
     ----------
     warm_start : bool
-        Guess at first the rows that were active at the last point, where there are as many rows, instead of all.
+        Begin with the rows that were active at the last point, if there are as many rows, instead of all rows.
     """
 
     def __init__(self, warm_start: bool = False) -> None:
@@ -39,15 +39,14 @@ class SparseProjection:
     ) -> tuple[np.ndarray, np.ndarray, int, int]:
         """Project `wish`.
 
-        With W the rows guessed active, first all of them or the last ones, ``R_W R_W' y = bounds - R_W wish`` gives
-        z = wish + R_W'y; then rows with negative multipliers leave W and rows that are violated enter it, until neither
-        is left.
+        W is the active set, at first all rows or those of the last point. ``R_W R_W' y = bounds - R_W wish`` gives
+        z = wish + R_W'y. Then rows with negative multipliers leave W and violated rows enter it, until there are none.
 
         Returns
         -------
         z, y : arrays
         iterations : int
-            Active sets that were tried.
+            Number of active sets that were tried.
         status : int
             0 solved, 1 the active set did not settle.
         """
@@ -78,7 +77,7 @@ class SparseProjection:
                 if self._warm_start:
                     self._last = active
                 return z, y, iteration, SOLVED
-            # Of rows that depend on each other a few that pull are to leave; without all of them others give way.
+            # Of dependent rows only a few with negative multipliers leave; without all of them others are violated.
             pulling &= y <= SHARE * y.min(initial=0.0, where=~equal)
             active = (active & ~pulling) | violated
             if active.tobytes() in seen:

@@ -1,6 +1,6 @@
 """Places of a problem's Variables and multipliers in the flat answers of a backend.
 
-With `solvers.canonical` and `solvers.leaves` the only file that touches cvxpy's internals.
+Only this file, `solvers.canonical` and `solvers.leaves` use cvxpy's internals.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ _REMEDY = "install the cvxpy version deli pins"
 
 @dataclass(slots=True, eq=False)
 class Place:
-    """Where the entries of one Variable, or of one constraint's multiplier, are.
+    """The place of a Variable's value, or of a constraint's multiplier, in a flat answer.
 
     Attributes
     ----------
@@ -27,7 +27,8 @@ class Place:
     shape : tuple of int
         Shape of the value.
     filled : ndarray of int or None
-        The entries that have a place, where others have none and are zero: off a pattern, or of an open bound.
+        The entries with a place, if others have none and are zero, because they are off a pattern or of an open bound.
+        None if all entries have a place.
     """
 
     index: Any
@@ -49,7 +50,7 @@ class Place:
         flat[self.index] = entries if self.filled is None else entries[self.filled]
 
     def entries(self, at: np.ndarray) -> np.ndarray:
-        """Return the entries, in Fortran order, that have one of the places `at`."""
+        """Return the entries, numbered in Fortran order, at the places `at`."""
         found = np.flatnonzero(np.isin(self.places(), at))
         return found if self.filled is None else self.filled[found]
 
@@ -59,7 +60,7 @@ class Place:
 
 
 def places_of_variables(problem: cp.Problem, chain: Any, parametrized: Any) -> list[tuple[str, Place]]:
-    """Find where each Variable sits in x.
+    """Find the place of each Variable in x.
 
     The numbers 1, 2, 3, ... are sent through cvxpy's linear maps of increments (`var_forward`). Its maps of values
     would project them onto the sets that the Variables' attributes declare.
@@ -83,16 +84,16 @@ def places_of_variables(problem: cp.Problem, chain: Any, parametrized: Any) -> l
 def places_of_multipliers(
     problem: cp.Problem, chain: Any, inverse: list[Any], parametrized: Any, rows: np.ndarray
 ) -> list[Place]:
-    """Find where each constraint's multiplier sits in y, from the numbers of its rows sent back through cvxpy's chain.
+    """Find the place of each constraint's multiplier in y, by the numbers of its rows, sent back through cvxpy's chain.
 
     Parameters
     ----------
     rows : ndarray
-        For each row of cvxpy's standard form 1 + its number in ours, 0 for one that is left out.
+        For each row of cvxpy's standard form 1 + its number in the program; 0 for a row that is left out.
     """
     ends = np.cumsum([constraint.size for constraint in parametrized.constraints], dtype=int)
     duals = {c.id: rows[end - c.size : end] for c, end in zip(parametrized.constraints, ends, strict=True)}
-    values = {parametrized.x.id: np.zeros(parametrized.x.size)}  # what becomes of them does not matter
+    values = {parametrized.x.id: np.zeros(parametrized.x.size)}  # needed by the interface, and ignored
     answer = CvxpySolution(cp.OPTIMAL, 0.0, values, duals, {})
     for reduction, data in reversed(list(zip(chain.reductions[:-1], inverse[:-1], strict=True))):
         answer = reduction.invert(answer, data)

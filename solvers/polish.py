@@ -1,4 +1,4 @@
-"""Refine an answer by solving the linear system of its active set."""
+"""Polish: refinement of an answer by the linear system of its active set."""
 
 from functools import cached_property
 
@@ -11,8 +11,8 @@ from solvers.polish_sparse import ROUNDOFF, SparseSystem
 from solvers.program import QuadraticProgram
 from solvers.residuals import Residuals
 
-FILLED = 0.1  # share of the entries of P and A from which on they are taken for dense
-ROUNDS = 10  # corrections of the guess; a solver's answer needs one or two
+FILLED = 0.1  # share of nonzero entries of P and A above which they are treated as dense
+ROUNDS = 10  # corrections of the active set; a solver's answer needs one or two
 
 
 class Polish:
@@ -23,17 +23,17 @@ class Polish:
 
     .. math:: P x + q + A_W^T y_W = 0, \qquad A_W x = u_W
 
-    are found through a singular value decomposition, since the rows may be dependent. Where a multiplier of
+    are found through a singular value decomposition, because the rows may be dependent. If a multiplier of
     least norm is negative, nonnegative least squares looks for a nonnegative representation of the same force.
-    Rows that are violated then enter W and the row with the most negative multiplier leaves it, and so on for a
-    few rounds. A result is accepted only if it lowers the natural residual, `solvers.residuals`. Unlike the
-    products of multiplier and slack that one sees the error of the square root of the tolerance that
-    interior-point methods leave where both vanish.
+    Violated rows then enter W and the row with the most negative multiplier leaves it, for a few rounds. A result is
+    accepted only if it lowers the natural residual, `solvers.residuals`. Where multiplier and slack both vanish,
+    interior-point methods leave an error of the square root of the tolerance. The natural residual sees that error;
+    products of multiplier and slack do not.
 
-    The linear algebra is dense, and its time grows with the cube of variables and active rows, unless the patterns of
-    P and A leave most entries out. Then the point and the multipliers nearest to the answer's that solve the same
-    system are found through a sparse factorization of it, shifted, in which refinement takes the shift out; nearest,
-    multipliers of dependent rows stay nonnegative where the solver's are well inside.
+    The linear algebra is dense, and its time grows with the cube of variables and active rows. If the patterns of P and
+    A leave most entries out, it is sparse: a factorization of the same system, shifted, with refinement that removes
+    the shift, gives the solution nearest to the answer. Nearness keeps multipliers of dependent rows nonnegative where
+    those of the answer are well inside.
     """
 
     def __init__(self, program: QuadraticProgram) -> None:
@@ -53,7 +53,7 @@ class Polish:
             tried.add(active.tobytes())
             try:
                 point, multipliers = system.solve(active, x, y)
-            except np.linalg.LinAlgError:  # a decomposition did not converge: what was found so far stands
+            except np.linalg.LinAlgError:  # a decomposition did not converge: the best point so far is the result
                 break
             residual = system.natural_residual(point, multipliers)
             if residual < lowest:
@@ -81,7 +81,7 @@ class _System:
 
     @cached_property
     def factor(self) -> np.ndarray | None:
-        """Lower Cholesky factor of P; None where P is only semidefinite."""
+        """Lower Cholesky factor of P; None if P is only semidefinite."""
         try:
             factor: np.ndarray = np.tril(cho_factor(self.P, lower=True)[0])
         except np.linalg.LinAlgError:
@@ -94,7 +94,7 @@ class _System:
         return self.residuals.natural
 
     def solve(self, active: np.ndarray, near: np.ndarray, _: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Solve the equality-constrained program; the point nearest to `near` if there are several."""
+        """Solve the equality-constrained program; of several solutions, return the nearest to `near`."""
         rows, target = self.A[active], self.u[active]
         if self.factor is None:
             x, multipliers = self._solve_whole(rows, target, near)
@@ -108,7 +108,7 @@ class _System:
         return x, y
 
     def _solve_projected(self, L: np.ndarray, rows: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """In coordinates z = L'x, with P = LL', the program is the projection of -L^-1 q onto an affine space."""
+        """Solve by projection: in coordinates z = L'x, with P = LL', -L^-1 q is projected onto an affine space."""
         z = -_solve_lower(L, self.q)
         multipliers = np.zeros(target.size)
         if target.size:
@@ -121,7 +121,7 @@ class _System:
                 z = z + U @ step
                 multipliers = multipliers - Vt.T @ (step / sigma)
         x = _solve_lower(L, z, transposed=True)
-        if target.size:  # the multipliers balance the forces at the rounded point, not at the exact one
+        if target.size:  # the multipliers have to balance the forces at the rounded point, not at the exact one
             unbalanced = -(self.P @ x + self.q) - rows.T @ multipliers
             multipliers = multipliers + Vt.T @ ((U.T @ _solve_lower(L, unbalanced)) / sigma)
         return x, multipliers
@@ -140,7 +140,7 @@ class _System:
         columns = np.hstack((rows.T, -rows.T[:, free]))
         try:
             parts, _ = nnls(columns, force)
-        except RuntimeError:  # it gave up: the representation is only wanted, not needed
+        except RuntimeError:  # no convergence; the representation is optional
             return multipliers
         represented = parts[: free.size].copy()
         represented[free] -= parts[free.size :]
@@ -151,7 +151,7 @@ class _System:
 
 
 def _solve_lower(L: np.ndarray, right: np.ndarray, transposed: bool = False) -> np.ndarray:
-    """Solve with a lower triangle; BLAS, unlike LAPACK's trtrs, takes no threads to small systems."""
+    """Solve with a lower triangle by BLAS, which starts no threads for small systems as LAPACK's trtrs does."""
     columns = right.reshape(len(L), -1)
     answer: np.ndarray = dtrsm(1.0, L, columns, lower=1, trans_a=int(transposed)).reshape(right.shape)
     return answer

@@ -8,12 +8,12 @@ from solvers.program import QuadraticProgram
 from solvers.residuals import Residuals
 
 ROUNDOFF = 1e-13  # relative size below which a multiplier or slack of the wrong sign is taken for zero
-SHIFT = 1e-10  # of the system, which is singular where rows depend on each other
+SHIFT = 1e-10  # added to the diagonal of the system, which is singular if rows are dependent
 REFINEMENTS = 30
 
 
 class SparseSystem:
-    """The linear algebra of one program's numbers, sparse."""
+    """The sparse linear algebra of one program's numbers."""
 
     def __init__(self, program: QuadraticProgram) -> None:
         self.equalities = program.equalities
@@ -22,12 +22,12 @@ class SparseSystem:
         self.P, self.A = program.quadratic.to_sparse(), program.matrix.to_sparse().tocsr()
 
     def natural_residual(self, x: np.ndarray, y: np.ndarray) -> float:
-        """The natural residual of `solvers.residuals`."""
+        """Return the natural residual of `solvers.residuals`."""
         self.residuals.compute(x, y)
         return self.residuals.natural
 
     def solve(self, active: np.ndarray, near: np.ndarray, pressing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Solve the equality-constrained program; the point and multipliers nearest to the given ones.
+        """Solve the equality-constrained program; return the point and multipliers nearest to the given ones.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""The standard form every backend sees.
+"""The standard form of the programs that backends solve.
 
     minimize    1/2 x'Px + q'x
     subject to  l <= Ax <= u
@@ -15,7 +15,7 @@ from scipy import sparse
 
 
 class Matrix:
-    """A matrix with a fixed pattern whose values change in place.
+    """A matrix with a fixed pattern, and with values that change in place.
 
     Parameters
     ----------
@@ -27,9 +27,21 @@ class Matrix:
         Storage shared with the compiled problem: all entries row by row if `is_dense`, else those of the
         pattern column by column.
     is_dense : bool
-        Which of the two storages is used.
+        Whether the storage is dense.
     constant : bool
         Whether the values never change.
+
+    Examples
+    --------
+    >>> import cvxpy as cp
+    >>> import solvers
+    >>> x = cp.Variable(2, name="x")
+    >>> problem = cp.Problem(cp.Minimize(cp.sum_squares(x)), [x[0] + 2 * x[1] <= 1])
+    >>> matrix = solvers.compile(problem).program.matrix
+    >>> matrix.shape, matrix.constant
+    ((1, 2), True)
+    >>> matrix.to_dense()
+    array([[1., 2.]])
     """
 
     __slots__ = ("_position", "constant", "dense", "indices", "indptr", "shape", "values")
@@ -47,32 +59,32 @@ class Matrix:
         self._position = self.indices * shape[1] + columns if is_dense else None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle what makes a matrix, so that a copy's views share its storage."""
+        """Pickle the arguments of a matrix, so that the views of a copy share the copy's storage."""
         pattern = sparse.csc_array((np.ones(self.indices.size), self.indices, self.indptr), shape=self.shape)
         return Matrix, (self.shape, pattern, self.values, self.dense is not None, self.constant)
 
     def entries(self) -> np.ndarray:
-        """Values of the pattern, column by column (a copy only if the storage is dense)."""
+        """Return the values of the pattern, column by column (a copy only if the storage is dense)."""
         if self._position is None:
             return self.values
         return self.values.take(self._position)
 
     def columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Column starts, row indices and values of sparse storage, the values shared."""
+        """Return column starts, row indices and values of sparse storage, the values shared."""
         return self.indptr, self.indices, self.values
 
     def to_dense(self) -> np.ndarray:
-        """All entries as a two-dimensional array (the storage itself if it is dense)."""
+        """Return all entries as a two-dimensional array (the storage itself if it is dense)."""
         if self.dense is not None:
             return self.dense
         return self.to_sparse().toarray()
 
     def to_sparse(self) -> sparse.csc_matrix:
-        """A scipy matrix holding a copy of the values, with the fixed pattern."""
+        """Return a scipy matrix with the fixed pattern and a copy of the values."""
         return sparse.csc_matrix((self.entries().copy(), self.indices, self.indptr), shape=self.shape)
 
     def upper(self) -> tuple[sparse.csc_matrix, np.ndarray]:
-        """Upper triangle, and the positions of its values among `entries`."""
+        """Return the upper triangle, and the positions of its values among `entries`."""
         columns = np.repeat(np.arange(self.shape[1]), np.diff(self.indptr))
         positions = np.flatnonzero(self.indices <= columns)
         indptr = np.concatenate(([0], np.cumsum(np.bincount(columns[positions], minlength=self.shape[1]))))
@@ -82,7 +94,7 @@ class Matrix:
 
 @dataclass(slots=True, eq=False)
 class QuadraticProgram:
-    """One quadratic program whose numbers are rewritten in place at every solve.
+    """A quadratic program with numbers that each solve rewrites in place.
 
     Attributes
     ----------
@@ -96,6 +108,20 @@ class QuadraticProgram:
         A.
     lower, upper : ndarray, shape (rows,)
         l and u.
+
+    Examples
+    --------
+    >>> import cvxpy as cp
+    >>> import solvers
+    >>> x, b = cp.Variable(2, name="x"), cp.Parameter(name="b")
+    >>> problem = cp.Problem(cp.Minimize(cp.sum_squares(x)), [x[0] + x[1] == 3, x[0] - x[1] <= b])
+    >>> compiled = solvers.compile(problem)
+    >>> solution = compiled.solve(b=-1.0)
+    >>> program = compiled.program
+    >>> program.variables, program.rows, program.equalities
+    (2, 2, 1)
+    >>> program.lower, program.upper
+    (array([  3., -inf]), array([ 3., -1.]))
     """
 
     variables: int

@@ -1,4 +1,4 @@
-"""Convex programs whose quadratic term is only semidefinite, by a sequence of strictly convex ones."""
+"""Proximal steps: a program with a semidefinite quadratic term is solved by a sequence of strictly convex programs."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,15 +9,15 @@ from scipy import sparse
 from solvers.program import QuadraticProgram
 from solvers.residuals import Residuals
 
-SOLVED, ITERATION_LIMIT, TOO_LARGE, UNBOUNDED = 0, 2, 4, 6  # the others are those of the strictly convex solves
+SOLVED, ITERATION_LIMIT, TOO_LARGE, UNBOUNDED = 0, 2, 4, 6  # other codes are those of the strictly convex solves
 FIRST, LAST = 0.1, 1e-8  # weights of the proximal term, relative to the program's own scales
 PASSES = 10  # of equilibration: units of 1e12 are balanced to a factor 2
-RECEDES = 1e-9  # products with a step this small, relative to their largest possible terms, leave a ray free
+RECEDES = 1e-9  # products with a step that are smaller, relative to their largest possible terms, count as zero
 
 Solve = Callable[..., tuple[int, int, float]]
 
 
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # numbers of any size; what overflows is no answer
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # numbers have any size; one that overflows is no answer
 def minimize(
     program: QuadraticProgram, solve: Solve, tolerance: float, max_iterations: int, x: np.ndarray, y: np.ndarray
 ) -> tuple[int, int]:
@@ -28,13 +28,14 @@ def minimize(
 
     begins at 0, in units in which the largest entries of rows and columns are about 1. The multipliers balance the
     program up to the force :math:`\rho_k (x_k - x_{k+1})`, which vanishes after finitely many steps if P = 0. A minimum
-    is a fixed point whatever the weight: small ones reach far, large ones lose no digits, and so the weights shrink by
-    tens, again and again. A step along which nothing ever stops the descent shows that the program is unbounded.
+    is a fixed point for every weight. Small weights reach far and large ones lose no digits; therefore the weights
+    shrink by factors of ten, and begin anew at the largest. The program is unbounded if a step descends and neither the
+    quadratic term nor a row ever stops it.
 
-    Writes the point x and the multipliers y. `solve` has the arguments and the result of the function that native
-    compiles for strictly convex programs. The tolerance bounds the force that is left, relative to the others, and the
-    residuals of the answer. Returned are a code (0 solved, 2 more iterations than allowed, 4 numbers too large,
-    6 unbounded, or that of a solve that failed) and the iterations of all solves, each of which counts for one more.
+    The point is written into x, the multipliers into y. `solve` has the arguments and the result of the function that
+    native compiles for strictly convex programs. The tolerance bounds the remaining force, relative to the others, and
+    the residuals of the answer. Return a code (0 solved, 2 iteration limit, 4 numbers too large, 6 unbounded, or the
+    code of a solve that failed) and the iterations of all solves, plus one for each solve.
     """
     P, A = sparse.csr_array(program.quadratic.to_sparse()), sparse.csr_array(program.matrix.to_sparse())
     P.eliminate_zeros()
@@ -46,7 +47,7 @@ def minimize(
     weights = _weights(P.data, q, u[np.diff(A.indptr) > 0])  # rows of zeros have no unit
     if not all(np.isfinite(numbers).all() for numbers in (P.data, A.data, q, u, weights)):
         return TOO_LARGE, 0
-    entries, own = P.tocoo(), np.arange(n)  # entries of the diagonal come last, and are those that count
+    entries, own = P.tocoo(), np.arange(n)  # the entries of the diagonal come last, and replace earlier ones
     value = np.concatenate((entries.data, np.empty(n)))
     quadratic = (*(np.concatenate((index, own)) for index in entries.coords), np.arange(value.size), value)
     matrix = (A.indptr.astype(np.int64), A.indices.astype(np.int64), np.arange(A.nnz), A.data)
@@ -80,7 +81,7 @@ def minimize(
 
 
 def _weights(curvatures: np.ndarray, forces: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """Return weights from the largest of the program's own scales down to where the smallest of them is far larger."""
+    """Return weights from below the largest of the program's scales down to far below the smallest."""
     curvature, force, bound = (np.abs(numbers).max(initial=0.0) for numbers in (curvatures, forces, bounds))
     scales = [scale for scale in (curvature, force / bound if bound else 0.0) if scale] or [force or 1.0]
     least, largest = np.log10(LAST * min(scales)), np.log10(FIRST * max(scales))

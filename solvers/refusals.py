@@ -1,4 +1,4 @@
-"""Refusals of problems that are no quadratic programs, each by the name of the part that is in the way."""
+"""Refusals of problems that are no quadratic programs; each names the part that is in the way."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -40,7 +40,7 @@ def refuse_parts(problem: cp.Problem) -> None:
     Raises
     ------
     SolverError
-        Naming the Parameter, the Variable or the constraint.
+        If there is one; the message names the Parameter, the Variable or the constraint.
     """
     _refuse_duplicates("Parameter", problem.parameters())
     _refuse_duplicates("Variable", problem.variables())
@@ -78,7 +78,7 @@ def refuse_cones(problem: cp.Problem) -> None:
     Raises
     ------
     SolverError
-        Naming the cone, and the constraint that needs it.
+        If there is one; the message names the cone, and the constraint that needs it.
     """
     for where, part in _parts(problem):
         alone = cp.Problem(part) if part is problem.objective else cp.Problem(cp.Minimize(0), [part])
@@ -92,7 +92,7 @@ def refuse_cones(problem: cp.Problem) -> None:
 
 
 def refuse_not_finite(problem: cp.Problem, constraints: list[int]) -> None:
-    """Refuse a problem that holds inf anywhere but in the bound of a row that it leaves open.
+    """Refuse a problem that holds inf anywhere but in the bound of an open row.
 
     Parameters
     ----------
@@ -102,14 +102,14 @@ def refuse_not_finite(problem: cp.Problem, constraints: list[int]) -> None:
     Raises
     ------
     SolverError
-        Naming the constraints.
+        Always; the message names the constraints.
     """
     names = [f"constraint {number}" for number in constraints]
     if not names:
         names = [where for where, part in _parts(problem) if not all(map(_finite, part.constants()))]
     raise SolverError(
         f"{' or '.join(names) or 'a product of constants'} holds inf where it is no open bound; allowed in constants: "
-        "finite numbers, and inf as the bound of an inequality that is to bound nothing"
+        "finite numbers, and inf as the bound of an inequality that bounds nothing"
     )
 
 
@@ -125,7 +125,7 @@ def _finite(constant: cp.Constant) -> bool:
 
 
 def _beyond(leaf: cp.expressions.leaf.Leaf, taken: tuple[str, ...]) -> Iterator[str]:
-    """Attributes of a leaf that are not taken, those that a newer cvxpy knows included."""
+    """Yield the attributes of a leaf that are not supported, also those of a newer cvxpy."""
     return (name for name, value in leaf.attributes.items() if name not in taken and value is not None and value)
 
 

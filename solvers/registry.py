@@ -1,4 +1,4 @@
-"""Which backends exist, which are installed, and how others join."""
+"""The registry of backends: those of this package, those of users, and those that other packages offer."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ BUILTIN: dict[str, tuple[str, str]] = {
     "scs": ("SCS", "scs"),
 }
 
-# Chains try their members in order until one is verified; every failed one is counted.
+# The members of a chain are tried in order until an answer is verified; each failed member is counted.
 CHAINS: dict[str, tuple[str, ...]] = {"auto": ("native", "daqp", "piqp")}
 
 _registered: dict[str, Factory] = {}
@@ -41,7 +41,15 @@ _registered: dict[str, Factory] = {}
 
 @dataclass(frozen=True, slots=True)
 class BackendInfo:
-    """A backend deli knows: its name, whether it can be used, and how it is installed."""
+    """An entry of the registry: name of the backend, whether it is installed, and the line that installs it.
+
+    Examples
+    --------
+    >>> import solvers
+    >>> info = solvers.backends()[0]
+    >>> info.name, info.installed
+    ('clarabel', True)
+    """
 
     name: str
     installed: bool
@@ -49,20 +57,31 @@ class BackendInfo:
 
 
 def register(name: str, factory: Factory) -> None:
-    """Make a backend known under a name.
+    """Register a backend under a name.
 
     Parameters
     ----------
     name : str
-        Must not be taken; may not start with ``cvxpy:``.
+        A name that is not taken and does not start with ``cvxpy:``.
     factory : callable
-        ``factory(program, tolerance, options)`` returning a `solvers.Backend`. A package offers one without
-        being imported through an entry point of the group ``deli.solvers``.
+        ``factory(program, tolerance, options)`` returns a `solvers.Backend`. Another package offers a factory through
+        an entry point of the group ``deli.solvers``, and is imported when the backend is used.
 
     Raises
     ------
     SolverError
         If the name is taken.
+
+    Examples
+    --------
+    >>> import solvers
+    >>> from solvers.backends.native import Native
+    >>> def careful(program, tolerance, options):
+    ...     return Native(program, tolerance / 100.0, options)
+    >>> solvers.register("careful", careful)
+    >>> "careful" in solvers.available()
+    True
+    >>> solvers.unregister("careful")
     """
     if name in _registered or name in BUILTIN or name in CHAINS or name.startswith(REFERENCE):
         raise SolverError(f"the backend name {name!r} is taken: register under another name")
@@ -70,7 +89,22 @@ def register(name: str, factory: Factory) -> None:
 
 
 def unregister(name: str) -> None:
-    """Forget a backend added with `register`."""
+    """Remove a backend that was added with `register`.
+
+    Raises
+    ------
+    UnknownBackendError
+        If no backend was registered under the name.
+
+    Examples
+    --------
+    >>> import solvers
+    >>> from solvers.backends.native import Native
+    >>> solvers.register("mine", Native)
+    >>> solvers.unregister("mine")
+    >>> "mine" in solvers.available()
+    False
+    """
     if name not in _registered:
         raise UnknownBackendError(f"{name!r} was not registered; registered: {', '.join(_registered) or 'none'}")
     del _registered[name]
@@ -85,33 +119,58 @@ _found: set[str] = set()
 
 
 def _installed(package: str) -> bool:
-    """Whether a package is there; what was found once is not looked for again."""
+    """Return whether a package is installed; one that was found is not searched again."""
     if package not in _found and find_spec(package) is not None:
         _found.add(package)
     return package in _found
 
 
 def backends() -> list[BackendInfo]:
-    """List all backends deli knows, installed or not, without importing any of them."""
+    """List all backends of the registry, installed or not, without importing any of them.
+
+    Examples
+    --------
+    >>> import solvers
+    >>> [info.name for info in solvers.backends()]
+    ['clarabel', 'daqp', 'highs', 'native', 'osqp', 'piqp', 'proxqp', 'qoco', 'qpalm', 'scs'...]
+    """
     known = [BackendInfo(name, _installed(package), install_line(EXTRA)) for name, (_, package) in BUILTIN.items()]
     others = [*_registered, *(name for name in _offered() if name not in _registered)]
     return known + [BackendInfo(name, True, "") for name in others]
 
 
 def available() -> list[str]:
-    """List the names of the backends that are installed."""
+    """List the names of the backends that are installed.
+
+    Examples
+    --------
+    >>> import solvers
+    >>> {"clarabel", "daqp", "native", "osqp", "piqp"} <= set(solvers.available())
+    True
+    """
     return [info.name for info in backends() if info.installed]
 
 
 def members(backend: str) -> tuple[str, ...]:
-    """Return the backends a name stands for: the members of a chain, or the name itself.
+    """Return the names of the backends behind a name: the members of a chain, or the name itself.
+
+    Of ``"auto"`` these are the members for small programs; others are chosen when a problem is compiled
+    (`solvers.choosing`).
 
     Raises
     ------
     UnknownBackendError
-        If nobody knows the name.
+        If the registry has no such name.
     NotInstalledError
-        If its package is missing.
+        If the package of the backend is not installed.
+
+    Examples
+    --------
+    >>> import solvers
+    >>> solvers.members("auto")
+    ('native', 'daqp', 'piqp')
+    >>> solvers.members("osqp")
+    ('osqp',)
     """
     names = CHAINS.get(backend, (backend,))
     for name in names:
@@ -136,12 +195,26 @@ def _require(name: str) -> None:
 
 
 def can(backend: str, what: str) -> bool:
-    """Say whether a backend, or every member of a chain, has one of the abilities of `solvers.Backend`, by name."""
+    """Say whether a backend, or every member of a chain, has an ability: the name of a flag of `solvers.Backend`.
+
+    Examples
+    --------
+    >>> import solvers
+    >>> solvers.can("osqp", "warm_starts"), solvers.can("daqp", "warm_starts")
+    (True, False)
+    """
     return all(not name.startswith(REFERENCE) and getattr(factory(name), what, False) for name in members(backend))
 
 
 def able(what: str) -> list[str]:
-    """List the installed backends with an ability, importing all adapters."""
+    """List the installed backends with an ability; all adapters are imported.
+
+    Examples
+    --------
+    >>> import solvers
+    >>> {"clarabel", "osqp", "piqp"} <= set(solvers.able("sparse"))
+    True
+    """
     return [name for name in available() if can(name, what)]
 
 

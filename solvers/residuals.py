@@ -1,4 +1,4 @@
-"""KKT residuals and objective, computed from an answer and never taken from a vendor."""
+"""KKT residuals and objective, computed from an answer and never taken from a backend's report."""
 
 import math
 from collections.abc import Callable
@@ -7,7 +7,7 @@ import numpy as np
 
 from solvers.program import QuadraticProgram
 
-EXACT = 2e-15  # natural residual that rounding alone explains: there is nothing to improve
+EXACT = 2e-15  # natural residual that rounding alone explains: polish cannot improve it
 
 
 class Residuals:
@@ -24,15 +24,15 @@ class Residuals:
         \text{natural} &= \max\Bigl(\frac{|Px + q + A^T y|}{1 + \max(|Px|, |q|, |A^T y|)},
                           \frac{\max(|A_e x - u_e|, |\min(y_i, u_i - A_i x)|)}{1 + \max(|Ax|, |u|)}\Bigr)
 
-    where e runs over equality and i over inequality rows. A multiplier that pulls counts by its force, however large
-    others are that cancel. If anything in them is nan or infinite, all are nan. The first three judge an answer; the
-    natural residual tells how far it can be improved, `solvers.polish`. Beside them stands the `objective`,
+    where e runs over equality and i over inequality rows. A negative multiplier of an inequality counts by its force,
+    also where it is small beside other multipliers. If any number is nan or infinite, all residuals are nan. The first
+    three decide about an answer; the natural residual decides about an improvement by `solvers.polish`. `objective` is
     :math:`\tfrac12 x^T P x + q^T x`.
 
     Parameters
     ----------
     program : QuadraticProgram
-        Read anew at every call.
+        The program, read anew at every call.
     """
 
     __slots__ = ("_kernel", "_numbers", "complementarity", "dual", "natural", "objective", "primal")
@@ -50,7 +50,7 @@ class Residuals:
             self._kernel = kernels.sparse_residuals
             matrices = (*quadratic.columns(), *matrix.columns())
         self._numbers = (*matrices, program.linear, program.upper, program.equalities)
-        self.compute(np.zeros(program.variables), np.zeros(program.rows))  # compiled here rather than in a solve
+        self.compute(np.zeros(program.variables), np.zeros(program.rows))  # compiles the kernel before the first solve
         self.forget()
 
     def forget(self) -> None:
@@ -58,7 +58,7 @@ class Residuals:
         self.primal = self.dual = self.complementarity = self.natural = self.objective = math.nan
 
     def compute(self, x: np.ndarray, y: np.ndarray) -> float:
-        """Set all of them; return the largest of the three that judge, nan if anything is nan or infinite."""
+        """Set all residuals; return the largest of the first three, nan if any number is nan or infinite."""
         primal, dual, complementarity, self.natural, self.objective = self._kernel(*self._numbers, x, y)
         self.primal, self.dual, self.complementarity = primal, dual, complementarity
         return max(primal, dual, complementarity)

@@ -1,4 +1,4 @@
-"""What a solve returns."""
+"""The result of a solve."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -7,7 +7,16 @@ import numpy as np
 
 
 class Status(StrEnum):
-    """Outcome of a solve; ``SOLVED`` is a verified answer, ``INFEASIBLE`` and ``UNBOUNDED`` a verified lack of one."""
+    """Outcome of a solve. ``SOLVED`` is a verified answer; ``INFEASIBLE`` and ``UNBOUNDED`` are proved.
+
+    Examples
+    --------
+    >>> import solvers
+    >>> solvers.Status.ITERATION_LIMIT.value
+    'iteration_limit'
+    >>> solvers.Status("solved") is solvers.Status.SOLVED
+    True
+    """
 
     SOLVED = "solved"
     INACCURATE = "inaccurate"
@@ -38,21 +47,35 @@ class Solution:
         ``UNBOUNDED`` are proved (`solvers.certificates.prove`), whichever of the two was claimed. Without a proof such
         a claim is ``FAILED``.
     claimed : Status
-        The vendor's own word.
+        The claim of the backend.
     backend : str
-        Who solved it; a member of the chain where the backend asked for is a chain.
+        Name of the backend that answered; of a chain, its member.
     iterations : int
-        Iterations the vendor reports.
+        Iterations that the backend reports.
     fallbacks : int
-        How many members of a chain failed before this one.
+        Number of members of the chain that failed before this one.
     polished : bool
-        Whether the active-set polish replaced the vendor's answer.
+        Whether the active-set polish replaced the backend's answer.
     setup_time, solve_time, overhead_time : float
-        Seconds spent handing over the data, in the solver, and in everything else.
+        Seconds of handing over the data, of the solver, and of everything else.
     primal_residual, dual_residual, complementarity : float
         Scaled KKT residuals, defined in `solvers.residuals.Residuals`.
     message : str
-        The vendor's status text, after a claim that was not verified.
+        The backend's status text. A claim that was not verified stands before it.
+
+    Examples
+    --------
+    >>> import cvxpy as cp
+    >>> import solvers
+    >>> x = cp.Variable(2, name="x")
+    >>> problem = cp.Problem(cp.Minimize(cp.sum_squares(x)), [x[0] + x[1] >= 2])
+    >>> solution = solvers.compile(problem, "daqp").solve()
+    >>> solution.ok, solution.backend, solution.primal_residual < 1e-9
+    (True, 'daqp', True)
+    >>> solution.primal["x"].round(6)
+    array([1., 1.])
+    >>> round(solution.objective, 6), round(float(solution.dual[0]), 6)
+    (2.0, 2.0)
     """
 
     primal: dict[str, np.ndarray]

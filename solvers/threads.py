@@ -1,6 +1,6 @@
-"""What threads must not do at the same time."""
+"""The lock around cvxpy."""
 
 import threading
 
 CVXPY = threading.RLock()
-"""Held around every use of cvxpy, which is not safe to use from several threads."""
+"""Lock that is held around every use of cvxpy, because cvxpy is not safe to use from several threads."""

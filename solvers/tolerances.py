@@ -1,7 +1,7 @@
-"""What one tolerance means to each solver: the table, and the limits on every call.
+"""The settings of each solver for a tolerance, and the limits of each call.
 
-`tolerance` bounds the scaled KKT residuals of `solvers.residuals`. Each solver tests other norms; the factors
-below make its own test at least as strict, so that a claimed success stands up to ours.
+`tolerance` bounds the scaled KKT residuals of `solvers.residuals`. Each solver tests other norms. The factors below
+make the solver's own test at least as strict, so that a claimed success passes the test of the residuals.
 """
 
 from typing import Any
@@ -16,7 +16,7 @@ TOLERANCES: dict[str, dict[str, float]] = {
         "dual_feasibility_tolerance": 0.1,
         "qp_regularization_value": 0.01,
     },
-    "native": {"tolerance": 0.1},  # of contradictory rows; what is solved is solved to rounding
+    "native": {"tolerance": 0.1},  # of contradictory rows; answers are accurate to rounding
     "osqp": {"eps_abs": 0.1, "eps_rel": 0.1},
     "piqp": {"eps_abs": 0.1, "eps_rel": 0.1, "eps_duality_gap_abs": 0.1, "eps_duality_gap_rel": 0.1},
     "proxqp": {"eps_abs": 0.1, "eps_rel": 0.1, "eps_duality_gap_abs": 0.1, "eps_duality_gap_rel": 0.1},
@@ -31,7 +31,7 @@ FLOORS: dict[tuple[str, str], float] = {
     ("highs", "dual_feasibility_tolerance"): 1e-10,
 }
 
-# Setting of the solver: limit. Iterations, which do not depend on the clock, wherever the solver counts them.
+# Setting of the solver: limit. Of iterations where the solver counts them, because they do not depend on the clock.
 LIMITS: dict[str, dict[str, Any]] = {
     "clarabel": {"max_iter": 200},
     "daqp": {"iter_limit": 10_000},

@@ -1,4 +1,4 @@
-"""Values of a compiled problem's Parameters, open to writing in place only."""
+"""Values of a compiled problem's Parameters, which are written in place only."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 
 
 class Views(Mapping[str, np.ndarray]):
-    """Arrays by Parameter name, to be written into; a name cannot be given another array, which no solve would see."""
+    """Arrays by Parameter name, to be written into. Another array under a name is refused; no solve would see it."""
 
     __slots__ = ("_views",)
 

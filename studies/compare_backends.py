@@ -1,4 +1,4 @@
-"""Run one scene with every backend, polished and not, and compare what each keeps and costs.
+"""Run one scene with every backend, with and without polishing, and compare conservation and cost.
 
     python studies/compare_backends.py [SCENE] [--steps N] [--tolerance T ...] [--backend NAME ...] [--no-skip]
                                         [-o compare.nc]
@@ -22,7 +22,7 @@ COLUMNS = ("energy_low", "energy_high", "momentum_error", "gap_min", "residual",
 
 
 def measure(scene, method, step_size, steps, choice, skip):
-    """Figures of one run in the order of COLUMNS, and its outcome."""
+    """Return the figures of one run in the order of COLUMNS, and its outcome."""
     run = deli.simulate(scene, method, step_size=step_size, steps=steps, solvers=choice, skip=skip)
     found, stats = deli.metrics.measure(run), run["solver_stats"].sel(subproblem="position")
     residuals = [float(stats[name].max()) for name in ("primal_residual", "dual_residual", "complementarity")]
@@ -37,7 +37,7 @@ def main():
     parser.add_argument("--steps", type=int, default=500)
     parser.add_argument("--tolerance", type=float, nargs="+", default=[1e-9])
     parser.add_argument("--backend", nargs="+", default=solvers.available())
-    parser.add_argument("--no-skip", dest="skip", action="store_false", help="call solvers for closed forms, too")
+    parser.add_argument("--no-skip", dest="skip", action="store_false", help="call solvers for closed forms too")
     parser.add_argument("-o", "--output")
     options = parser.parse_args()
 

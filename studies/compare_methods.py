@@ -1,4 +1,4 @@
-"""Run the paper's scenes with every method, and show where energy goes, the worst gap and the angular momentum lost.
+"""Run the paper's scenes with every method; show energy range, worst gap and lost angular momentum.
 
 python studies/compare_methods.py
 """
@@ -28,7 +28,7 @@ CASES = (
 
 
 def main():
-    logging.getLogger("deli").setLevel(logging.ERROR)  # a run that fails says so in the table
+    logging.getLogger("deli").setLevel(logging.ERROR)  # the table shows failed runs
     table = Table("scene", "method", "energy at first", "least", "most", "worst gap", "angular momentum", "outcome")
     for scene, step_size, duration in CASES:
         for method in METHODS:

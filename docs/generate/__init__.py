@@ -1,4 +1,4 @@
-"""The pages that are made from the code at each build: the reference and the gallery, in `docs/generated`."""
+"""Pages made from the code at each build: the reference and the gallery, in `docs/generated`."""
 
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ PAGES = {
 }
 
 
-def make(app: Any) -> None:
+def make(app: Any, config: Any) -> None:
     """Write each page that has changed, with its pictures."""
     GENERATED.mkdir(exist_ok=True)
     gallery.draw(GENERATED)
@@ -28,7 +28,7 @@ def make(app: Any) -> None:
 
 
 def keep_bars(app: Any, what: str, name: str, found: object, options: object, lines: list[str]) -> None:
-    """Let |x| in a docstring be the length of x: reStructuredText has another meaning for bars."""
+    """Escape bars in a docstring, so that |x| is the length of x and no substitution of reStructuredText."""
     lines[:] = ["``".join(_escaped(line.split("``"))) for line in lines]
 
 
@@ -37,7 +37,7 @@ def _escaped(parts: list[str]) -> list[str]:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Let Sphinx make the pages before it reads any."""
-    app.connect("builder-inited", make, priority=1)  # autosummary reads them next
+    """Let Sphinx make the pages before it looks for files, so that autosummary finds them in the first build."""
+    app.connect("config-inited", make)
     app.connect("autodoc-process-docstring", keep_bars, priority=900)  # after numpydoc
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -32,7 +32,7 @@ SECTIONS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "Compiled cvxpy problems": ("solvers", tuple(solvers.__all__)),
 }
 MODULES = {"__version__", "impacts", "metrics", "plotting", "scenes"}
-"""Exports of deli that are no function and no class."""
+"""Exports of deli that are neither functions nor classes."""
 
 
 def page() -> str:

@@ -16,17 +16,18 @@ def page() -> str:
             (code(name), code(package), meant, limits, *(_yes(name, what) for what in ("sparse", "warm_starts")))
         )
     chains = [
-        f"- `{chain}` is a chain: {', then '.join(code(member) for member in members)}. The next member takes over "
-        "where one is not verified, and the dataset counts it."
+        f"- `{chain}` is a chain, for small programs {', then '.join(code(member) for member in members)}. If the "
+        "answer of a member is not verified, the next member solves, and the dataset counts that. [Large programs]"
+        "(../how_to/swap_a_backend.md) have other members."
         for chain, members in CHAINS.items()
     ]
     return paragraphs(
         "# Backends",
-        "A tolerance t bounds the scaled residuals that deli recomputes for every answer. Each backend is set to a "
-        "tolerance of its own that is at least as strict; [Tolerances](../explanation/tolerances.md) says why.",
+        "A tolerance t bounds the scaled residuals that deli recomputes for every answer. Each backend gets a "
+        "tolerance in its own norms that is at least as strict ([tolerances](../explanation/tolerances.md)).",
         table(("backend", "package", "a tolerance t sets", "limits", "sparse matrices", "warm starts"), rows),
         "\n".join(chains),
-        "`cvxpy:NAME` is any solver that cvxpy has installed, called through `problem.solve()`: slow and independent.",
+        "`cvxpy:NAME` is any installed solver of cvxpy, called through `problem.solve()`: slow and independent.",
     )
 
 

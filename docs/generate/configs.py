@@ -18,8 +18,8 @@ _TABLES = {
     "`[solvers]`": (SolversTable, ""),
     "A solver": (
         SolverTable,
-        "An entry of `[solvers]` is the name of a backend, or such a table. Entries without a `backend` take what they "
-        "do not say from `default`.",
+        "An entry of `[solvers]` is the name of a backend, or such a table. Entries without a `backend` take missing "
+        "keys from `default`.",
     ),
     "`scene.perturbation`": (PerturbationTable, ""),
 }

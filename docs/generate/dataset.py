@@ -1,14 +1,14 @@
-"""The schema of the dataset that a run is."""
+"""The schema of a run's dataset."""
 
 from deli.recording.schema import CONVENTIONS, UNITS_NOTE, Schema
 from generate.markdown import code, paragraphs, table
 
 _GROUPS = {
-    "trajectory": "One row a recorded state. Row 0 is the initial state.",
-    "solver_stats": "One row an interval between recorded states, for each of the three subproblems. It sums over the "
-    "integration steps between them.",
-    "subproblems": "Only in runs with `record.subproblems`: the convex problems that were handed to a solver. Lists of "
-    "different lengths stand one after the other along ragged dimensions; the variables with `sample_dimension` "
+    "trajectory": "One row for each recorded state. Row 0 is the initial state.",
+    "solver_stats": "One row for each interval between recorded states and each of the three subproblems, summed over "
+    "the integration steps of the interval.",
+    "subproblems": "Only in runs with `record.subproblems`: the convex problems that solvers got. Lists of "
+    "different lengths follow each other along ragged dimensions; the variables with `sample_dimension` "
     "count the entries of each problem.",
 }
 

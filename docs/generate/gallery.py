@@ -11,12 +11,12 @@ from deli.plotting.trajectory import draw_trajectory
 from generate.markdown import paragraphs
 
 SHORT = {"chain_on_cylinder": 0.4, "disc_pile": 0.2, "lennard_jones": 40.0}
-"""Durations of scenes of which a longer piece shows no more."""
+"""Durations of scenes whose pictures gain nothing from longer runs."""
 LONGEST = 30.0
 
 
 def draw(folder: Path) -> None:
-    """Draw the pictures that are not there, or whose sources have changed."""
+    """Draw missing pictures, and pictures whose sources have changed."""
     import matplotlib
 
     matplotlib.use("Agg")

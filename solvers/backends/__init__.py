@@ -1,1 +1,1 @@
-"""Adapters, one solver a file; each is imported when first asked for."""
+"""Adapters, one solver a file; each is imported at its first use."""

@@ -26,9 +26,9 @@ STATUS = {
 class Clarabel(Backend):
     """Adapter of ``clarabel.DefaultSolver``, set up once and updated.
 
-    An update keeps the scaling found for the first numbers, so the solver's own scaling is switched off. That
-    takes 25 us in place of 38 us at n = 4, and on projections with masses and rows spread over six decades it also
-    solved more (399 of 400, against 391). With ``equilibrate_enable=True`` the solver is set up anew each time.
+    An update keeps the scaling of the first numbers, so the solver's own scaling is switched off. An update without it
+    takes 25 us at n = 4, a new solver 38 us. Of 400 projections with masses and rows spread over six decades, 399 were
+    solved without scaling and 391 with it. With ``equilibrate_enable=True`` the solver is set up anew each time.
     """
 
     name = "clarabel"

@@ -1,4 +1,4 @@
-"""The project's own dual active-set method (`solvers.native`), in proximal steps where curvature is missing."""
+"""The project's own dual active-set method (`solvers.native`), with proximal steps if curvature is missing."""
 
 import math
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from solvers.residuals import Residuals
 from solvers.solution import Status
 
 NOT_CONVEX = 5
-DOUBTFUL = 1e-8  # pivot, relative to the diagonal, behind which half of the digits may be lost
+DOUBTFUL = 1e-8  # pivot, relative to the diagonal, below which half of the digits may be lost
 STATUS = {
     0: (Status.SOLVED, "optimal"),
     1: (Status.INFEASIBLE, "infeasible"),
@@ -37,8 +37,8 @@ class Native(Backend):
 
         \min \tfrac12 |z + L^{-1} q|^2 \quad \text{subject to} \quad S A L^{-T} z \le S u,
 
-    where S scales rows to unit length; the multipliers are S times those of the projection. Rows stay sparse
-    where P is diagonal. A P that is not positive definite is handed over in proximal steps (`solvers.proximal`).
+    where S scales rows to unit length; the multipliers are S times those of the projection. Rows stay sparse if P is
+    diagonal. A program with a P that is not positive definite is solved in proximal steps (`solvers.proximal`).
     """
 
     name = "native"
@@ -59,10 +59,10 @@ class Native(Backend):
         self._arguments = (
             *quadratic, diagonal, *matrix, program.linear, program.upper, program.equalities, *self._limits,
         )  # fmt: skip
-        _solve(*self._arguments, np.zeros(program.variables), np.zeros(program.rows))  # compiled here, not in a solve
+        _solve(*self._arguments, np.zeros(program.variables), np.zeros(program.rows))  # compiles before the first solve
 
     def update(self) -> None:
-        """Do nothing: the numbers are read where they are stored."""
+        """Do nothing, because the numbers are read in place."""
 
     def solve(self) -> Answer:
         """Solve from scratch."""
@@ -78,7 +78,7 @@ class Native(Backend):
 
 
 def _entries(matrix: Matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Row and column of every entry of the pattern, row by row, and its place among the stored values."""
+    """Return row and column of every entry of the pattern, row by row, and its place among the stored values."""
     columns = np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
     places = np.arange(columns.size) if matrix.dense is None else matrix.indices * matrix.shape[1] + columns
     order = np.lexsort((columns, matrix.indices))
@@ -106,7 +106,7 @@ def _solve(
 ) -> tuple[int, int, float]:
     """Write x and y; return a code, the iterations, and the smallest pivot of P relative to its diagonal."""
     m, n = u.size, q.size
-    L = np.zeros((1, n) if diagonal else (n, n))  # of a diagonal P the roots alone
+    L = np.zeros((1, n) if diagonal else (n, n))  # for a diagonal P, the roots alone
     for k in range(P_row.size):
         if diagonal:
             L[0, P_row[k]] = P_value[P_place[k]]
@@ -141,7 +141,7 @@ def _solve(
         for i in range(m):
             for k in range(A_start[i], A_start[i + 1]):
                 entry = A_value[A_place[k]]
-                if entry != 0.0:  # most of what a pattern allows is zero where contacts are local
+                if entry != 0.0:  # most entries of a pattern are zero if contacts are local
                     column[filled] = A_column[k]
                     value[filled] = -entry / L[0, A_column[k]]
                     filled += 1
@@ -179,7 +179,7 @@ def _solve(
 
 @absorbed
 def _forward(L: np.ndarray, diagonal: bool, right: np.ndarray, at: int) -> None:
-    """Solve with L in place, from an offset on."""
+    """Solve with L in place, for the part of `right` that begins at an offset."""
     for i in range(L.shape[1]):
         total = right[at + i]
         for j in range(0 if diagonal else i):

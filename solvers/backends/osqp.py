@@ -21,15 +21,15 @@ STATUS = {
     "OSQP_MAX_ITER_REACHED": Status.ITERATION_LIMIT,
     "OSQP_TIME_LIMIT_REACHED": Status.TIME_LIMIT,
 }
-INFINITY = 1e30  # what the C library takes for no bound
+INFINITY = 1e30  # the C library's value for an absent bound
 
 
 class OSQP(Backend):
     """Adapter of OSQP's extension module, set up anew for every solve.
 
-    An update rescales the already scaled numbers, so that every answer depends on those before; without scaling
+    An update scales numbers that are already scaled, so that every answer depends on earlier ones. Without scaling,
     badly scaled projections at n = 18 take 8 times the iterations. A new ``osqp.OSQP`` costs 350 us, nearly all
-    of it in Python; the class of the extension behind it costs 15 us.
+    of it in Python; the extension's own class costs 15 us.
     """
 
     name = "osqp"
@@ -46,7 +46,7 @@ class OSQP(Backend):
             "verbose": False,
             "polishing": False,  # prints where no row is active; `solvers.polish` does it for all backends
             "warm_starting": False,
-            "adaptive_rho": 1,  # by iterations; the default follows the clock
+            "adaptive_rho": 1,  # by iterations, because the default depends on the clock
             "adaptive_rho_interval": 50,
         }
         for name, value in {**chosen, **tolerances.settings(self.name, tolerance), **options}.items():

@@ -20,10 +20,10 @@ STATUS = {
 
 
 class PIQP(Backend):
-    """Adapter of ``piqp.DenseSolver``, or ``piqp.SparseSolver`` where the program is stored sparse.
+    """Adapter of ``piqp.DenseSolver``, or of ``piqp.SparseSolver`` if the program is stored sparse.
 
-    Set up anew for every solve: an update scales from the previous scaling, so that the last bits of the answer
-    depend on the numbers before (140 of 200 repeated solves at n = 18 differed). That costs 7 us.
+    The solver is set up anew for every solve, which costs 7 us. An update would scale from the previous scaling, so
+    that the last bits of the answer depend on earlier numbers (140 of 200 repeated solves at n = 18 differed).
     """
 
     name = "piqp"
@@ -43,7 +43,7 @@ class PIQP(Backend):
         P: Any
         A: Any
         if self._dense:
-            P = program.quadratic.to_dense().T  # symmetric, and the solver wants Fortran order
+            P = program.quadratic.to_dense().T  # symmetric, transposed because the solver needs Fortran order
             A = program.matrix.to_dense()
             equations, inequalities = np.asfortranarray(A[:e]), np.asfortranarray(A[e:])
         else:

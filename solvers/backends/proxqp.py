@@ -23,7 +23,7 @@ STATUS = {
 class ProxQP(Backend):
     """Adapter of ``proxsuite.proxqp.sparse``, set up anew for every solve.
 
-    The last bits of the dense variant's answers depend on where its memory happens to lie (20 of 300 repeated
+    The last bits of the dense variant's answers depend on the addresses of its memory (20 of 300 repeated
     solves at n = 18 differed); those of the sparse variant do not.
     """
 

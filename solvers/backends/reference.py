@@ -1,4 +1,4 @@
-"""Any solver cvxpy has, through ``problem.solve``: slow, and independent of the compiled path."""
+"""The solvers of cvxpy, through ``problem.solve``: slow, and independent of the compiled path."""
 
 import warnings
 from collections.abc import Mapping
@@ -25,19 +25,19 @@ STATUS = {
     cp.USER_LIMIT: Status.ITERATION_LIMIT,
 }
 KNOWN = tuple(cp.settings.SOLVERS)
-# cvxpy loses OSQP's own polishing after the first solve, and OSQP prints where there is nothing to polish.
+# cvxpy loses OSQP's own polishing after the first solve, and OSQP prints a line if there is nothing to polish.
 CHOSEN: dict[str, dict[str, Any]] = {"OSQP": {"polishing": False}}
 
 
 def require(backend: str) -> str:
-    """Return cvxpy's name of the solver that a name with the prefix stands for.
+    """Return cvxpy's name of the solver behind a name with the prefix ``cvxpy:``.
 
     Raises
     ------
     UnknownBackendError
-        If cvxpy does not know it.
+        If cvxpy has no such solver.
     NotInstalledError
-        If cvxpy does not find it installed.
+        If cvxpy does not find the solver installed.
     """
     solver = backend.partition(":")[2].upper()
     if solver not in KNOWN:
@@ -52,8 +52,8 @@ def require(backend: str) -> str:
 class Reference(Backend):
     """Adapter of ``cvxpy.Problem.solve``.
 
-    Each solve builds a new Problem: one that is solved again keeps a warm start, fails in cvxpy's interface to
-    ProxQP when its parameters change, and caches the solver it was last used with.
+    Each solve builds a new Problem. A Problem that is solved again keeps a warm start, fails in cvxpy's interface to
+    ProxQP when its parameters change, and caches its last solver.
     """
 
     name = "cvxpy"
@@ -76,7 +76,7 @@ class Reference(Backend):
                 )
 
     def update(self) -> None:
-        """Do nothing: the values are handed over with the problem."""
+        """Do nothing, because the values are handed over with the problem."""
 
     def solve(self) -> Answer:
         """Build a problem with the current values and solve it through cvxpy."""

@@ -1,4 +1,4 @@
-"""What a re-solve costs: rebuilt model, cvxpy's own re-solve, the compiled path, and the solver alone.
+"""The cost of a re-solve: rebuilt model, cvxpy's own re-solve, the compiled path, and the solver alone.
 
     python studies/benchmarks/backends.py [--quick] [--backend NAME ...] [-o results.csv]
 

@@ -1,11 +1,11 @@
-"""Where a step's time goes now that steps are compiled, found by differences.
+"""A profile of compiled steps, by differences.
 
     python studies/benchmarks/profile_kernels.py [--seconds S] [--backend NAME ...]
 
-Prints a Markdown table. Compiled code cannot be looked into by cProfile, so each figure compares runs over the same
-stretches of a trajectory: "a row" is the difference between recording every step and every 10th, "kernels" what is left
-of a step without rows and without "solver" and "around", which are clocked where solvers are called. What a contact
-costs shows between the scenes in flight and those that bounce, what Python around a solver costs between the backends.
+Prints a Markdown table. cProfile does not see compiled code, so each figure compares runs over the same stretches of a
+trajectory. "a row" is the difference between recording every step and every 10th. "solver" and "around" are clocked at
+the calls of solvers. "kernels" is the rest of a step without rows. Scenes in flight and scenes that bounce differ by
+the cost of a contact; backends differ by the cost of Python around a solver.
 """
 
 import argparse
@@ -18,7 +18,7 @@ STRETCHES = 20
 
 
 def fastest(runner, state, steps, every):
-    """Seconds a step, in all, in solvers and around them, of the fastest of three goes over the same stretch."""
+    """Return seconds a step: in all, in solvers, and around them; of the fastest of three passes over one stretch."""
     found = []
     for _ in range(3):
         runner.place(*state)
@@ -29,7 +29,7 @@ def fastest(runner, state, steps, every):
 
 
 def measure(runner, state, steps):
-    """What steps cost on stretches of so many, from a state on."""
+    """Return the cost of steps on stretches of a given length, from a state on."""
     sparse, dense, counts = [], [], []
     for _ in range(STRETCHES):
         runner.place(*state)

@@ -1,10 +1,10 @@
-"""Where a step's time went while steps were Python: for checkouts up to commit 8e65818.
+"""A profile of steps in Python, for checkouts up to commit 8e65818.
 
     git worktree add /tmp/deli-python-steps 8e65818
     PYTHONPATH=/tmp/deli-python-steps python studies/benchmarks/profile_python_steps.py [--seconds S]
 
-Prints a Markdown table: microseconds a step without the profiler, and the shares of them by kind of work that cProfile
-finds (own time by function, functions without a file of their own counted to their callers).
+Prints a Markdown table: microseconds a step without the profiler, and cProfile's shares by kind of work (own time by
+function; functions without a file count to their callers).
 """
 
 import argparse
@@ -64,14 +64,14 @@ def take(stepper, recorder, state, steps):
 
 
 def group_times(profile):
-    """Seconds by group: inclusive times of its functions, less those of groups called from within them."""
+    """Return seconds by group: inclusive times of its functions, less those of groups that they call."""
     stats = pstats.Stats(profile).stats
     names = {function: f"{function[0].rsplit('/', 1)[-1]}:{function[2]}" for function in stats}
     group_of = {
         function: group for function, name in names.items() for group, members in GROUPS.items() if name in members
     }
     times = dict.fromkeys((*GROUPS, "the rest"), 0.0)
-    # Own time of every function goes to the groups of those that call it, in proportion to what they spend there.
+    # The own time of every function goes to the groups of its callers, in proportion to their time in it.
     shares = {function: {group: 1.0} for function, group in group_of.items()}
 
     def share(function, path):

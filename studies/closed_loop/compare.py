@@ -40,7 +40,7 @@ PAPER = (
 
 
 def apart(scene):
-    """Bodies of the impact set a fiftieth of their distances apart, so that one step meets several impacts."""
+    """Return the impact set with gaps of a fiftieth of the distances, so that one step has several impacts."""
     return dataclasses.replace(scene, position=1.02 * scene.position)
 
 
@@ -60,17 +60,17 @@ OTHERS = (
 
 
 def faster(scene, members):
-    """Variants of a scene with momenta up to a hundredth larger or smaller."""
+    """Return variants of a scene with momenta up to a hundredth larger or smaller."""
     return [dataclasses.replace(scene, momentum=scene.momentum * factor) for factor in np.linspace(0.99, 1.01, members)]
 
 
 def dropped(low, high, members):
-    """Pogo sticks whose lower ends start at heights between two."""
+    """Return pogo sticks whose lower ends start at heights between two bounds."""
     return [scenes.pogo_stick(position=(5.0 + height, height)) for height in np.linspace(low, high, members)]
 
 
 def ensembles(members):
-    """Scenes that are chaotic, so that only means over starts can be compared."""
+    """Return chaotic scenes, of which only means over starts can be compared."""
     crowded = scenes.lennard_jones(container=1.9, speed=4.0)
     return (
         ("spring_sphere mixed, h = .5", faster(scenes.spring_sphere(start="mixed"), members), 0.5, 1000.0, "midpoint"),
@@ -85,7 +85,7 @@ def ensembles(members):
 
 
 def single(title, cases):
-    """One run of each scene."""
+    """Return the table of one run of each scene."""
     headings = ("scene", "E", "predictor", "worst violation", "H - H(0)", "drift of H", "momenta", "f(q)", "outcome")
     table = Table(*headings, title=title)
     every = [(case, energy, predictor) for case in cases for energy in ENERGIES for predictor in PREDICTORS]
@@ -110,7 +110,7 @@ def single(title, cases):
 
 
 def many(members):
-    """Means over variants of each scene, with their standard errors; the gain of H is its drift times the duration."""
+    """Return means over variants of each scene with standard errors; the gain of H is its drift times the duration."""
     table = Table(
         "scene", "E", "predictor", "worst violation", "band of H", "widest", "gain of H", "rms gain", "failed"
     )
@@ -141,12 +141,12 @@ def many(members):
 
 
 def mean(values):
-    """Mean and standard error, as text."""
+    """Return mean and standard error as text."""
     return f"{values.mean():.3g} ± {values.std(ddof=1) / np.sqrt(len(values)):.1g}"
 
 
 def unplanned(count, steps=400):
-    """Random scenes, the same for both predictors."""
+    """Return the table of random scenes, the same for both predictors."""
     table = Table(
         "E", "predictor", "violate", "worst violation / L", "give up", "band, closed / forward", "rms gain of H"
     )
@@ -195,7 +195,7 @@ def main():
     parser.add_argument("--members", type=int, default=32, help="variants of each chaotic scene")
     parser.add_argument("--random", type=int, default=300, help="random scenes")
     chosen = parser.parse_args()
-    logging.getLogger("deli").setLevel(logging.ERROR)  # a run that fails says so in the tables
+    logging.getLogger("deli").setLevel(logging.ERROR)  # the tables show failed runs
     console = Console(width=None if Console().is_terminal else 220)
     console.print(single("The paper's scenes", PAPER))
     console.print(single("Impacts and many bodies", OTHERS))

@@ -1,8 +1,8 @@
-"""Ways to land, on the smallest scene that needs them: pogo sticks whose lower mass bounces within a step.
+"""Ways to land, in the smallest scene that needs them: pogo sticks whose lower mass bounces within a step.
 
 python studies/closed_loop/landings.py
 
-Written for two masses above each other and verlet, so that ways which deli does not have can be compared.
+The code is for two masses above each other and verlet, so that it can compare ways that deli does not have.
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ def slope(q):
 
 @kept()
 def energy(q, p, numerical):
-    """H, or the numerical Hamiltonian of verlet."""
+    """Return H, or the numerical Hamiltonian of verlet."""
     total = 0.5 * (p[0] ** 2 + p[1] ** 2) + 0.5 * STIFFNESS * (q[0] - q[1] - LENGTH) ** 2 + GRAVITY * (q[0] + q[1])
     if numerical:
         force = slope(q)
@@ -41,7 +41,7 @@ def energy(q, p, numerical):
 
 @kept()
 def across(q, along, wanted, numerical):
-    """The larger momentum across the floor with which the energy is `wanted`, or comes nearest, and is not negative."""
+    """Return the larger nonnegative momentum across the floor with which the energy is `wanted`, or nearest to it."""
     curvature = STEP**2 * STIFFNESS / 6.0 if numerical else 0.0
     square, mixed = 1.0 + curvature, -curvature * along
     missing = energy(q, np.array([along, 0.0]), numerical) - wanted
@@ -51,7 +51,7 @@ def across(q, along, wanted, numerical):
 
 @kept()
 def step(q, p, way, numerical):
-    """One step, and whether it lands."""
+    """Take one step; return whether it lands."""
     force, landing = slope(q), False
     meets = way == FORWARD and q[1] + STEP * (p[1] - 0.5 * STEP * force[1]) <= 0.0
     while True:

@@ -8,7 +8,7 @@ import numpy as np
 import deli
 
 SPACING, DIAMETERS = 1.0, (0.3, 0.5, 0.6)
-NEAREST = 0.4  # of two random positions, at the least
+NEAREST = 0.4  # least distance of two random positions
 MARGINS = (0.0, 0.002, 0.2)  # between a ball at its site and the wall
 
 
@@ -78,7 +78,7 @@ def random_scene(random: Random) -> tuple[deli.Scene, float]:
 
 
 def _tangent(scene: deli.Scene, velocity: np.ndarray) -> np.ndarray:
-    """Momentum of a velocity without what would stretch rods."""
+    """Return the momentum of a velocity, projected so that no rod stretches."""
     scaled = np.sqrt(scene.mass) * velocity
     stretch = scene.bilateral.jacobian(scene.position) / np.sqrt(scene.mass)
     momentum: np.ndarray = np.sqrt(scene.mass) * (scaled - np.linalg.pinv(stretch) @ (stretch @ scaled))

@@ -1,9 +1,9 @@
-"""What landings and reflections do to the energy that smooth steps keep, with either predictor.
+"""Effects of landings and reflections on the energy that smooth steps keep, with either predictor.
 
 python studies/closed_loop/shadow_energies.py [--members 12]
 
-The shadow energy is that of order 12. Wander: its largest change over a run, in the mean over starts; gain: the root
-mean square of its drift times the duration.
+The shadow energy has order 12. Its wander is its largest change over a run, in the mean over starts. Its gain is the
+root mean square of its drift times the duration.
 """
 
 import argparse
@@ -37,8 +37,8 @@ def scenes(members):
 
 
 def measure(scene, method, step_size, duration):
-    """Wander and gain of the shadow energy, and the worst violation."""
-    every = max(1, round(duration / step_size / ROWS)) | 1  # odd, so as not to fall in step with the motion
+    """Return wander and gain of the shadow energy, and the worst violation."""
+    every = max(1, round(duration / step_size / ROWS)) | 1  # odd, because even ones may fall in step with the motion
     run = deli.simulate(scene, method, step_size=step_size, duration=duration, every=every)
     if run.attrs["outcome"] != "complete":
         raise RuntimeError(run.attrs["outcome"])

@@ -1,14 +1,14 @@
-"""Measure what impacts do to the energy that smooth steps keep, against the step size and what reflections conserve.
+"""Measure the effect of impacts on the energy that smooth steps keep, by step size and by conserved energy.
 
     python studies/drift_per_impact/measure.py [SCENE ...] [--impacts N] [--energy NAME ...] [-o drift.csv]
 
 kick           root mean square change of the shadow energy in a step with an impact
 drift          slope of the shadow energy over the number of impacts, with its standard error
 walk           slope that as many kicks of random signs would leave (root mean square); a smaller drift is not one
-in a million   what a million impacts make of that slope, as a share of H at the start
+in a million   change by a million impacts with that slope, as a share of H at the start
 wander         largest change of the shadow energy over the run
 
-The shadow energy is that of order 12, so that it also shows what the reflections that conserve one of order 8 leave.
+The shadow energy has order 12, so that it also shows the errors of reflections that conserve the one of order 8.
 """
 
 import argparse
@@ -32,13 +32,13 @@ KICKS = 400
 
 
 def gas():
-    """Thirty spheres that fill 30 % of a box, with a well of the Lennard-Jones potential where they touch."""
+    """Return thirty spheres that fill 30 % of a box, with a well of the Lennard-Jones potential at contact."""
     hard = deli.scenes.hard_sphere_gas(spheres=30, filled=0.3, boundary="walls")
     pairs = list(itertools.combinations(range(hard.bodies), 2))
     return dataclasses.replace(hard, potential=deli.LennardJones(pairs=pairs, epsilon=0.5, sigma=1.8))
 
 
-# How a scene is built, its scheme, step sizes with the paper's first, and the mean time between impacts.
+# Function that builds the scene, its scheme, step sizes with the paper's first, and mean time between impacts.
 CASES = {
     "pogo_stick": (lambda: deli.scenes.pogo_stick(momentum=[0.5, -0.5]), "verlet", (0.1, 0.05, 0.025), 0.42),
     "spring_sphere": (lambda: deli.scenes.spring_sphere(start="mixed"), "midpoint", (0.5, 0.25, 0.125), 1.5),
@@ -79,7 +79,7 @@ def measure(name, step_size, energy, impacts):
 
 
 def rows_of(run, rows):
-    """Some rows of a run."""
+    """Return some rows of a run."""
     trajectory = run["trajectory"].to_dataset().isel(time=rows)
     return xr.DataTree.from_dict({"/": xr.Dataset(attrs=run.attrs), "/trajectory": trajectory})
 

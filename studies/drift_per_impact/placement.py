@@ -1,15 +1,15 @@
-"""Compare places within a step at which to reflect, by what impacts add up to in the energy that smooth steps keep.
+"""Compare placements of a reflection within a step, by the sum of its effects on the energy that smooth steps keep.
 
     python studies/drift_per_impact/placement.py [SCENE ...] [--impacts N] [--starts N] [--steps H ...]
 
-forward   reflect at the start of a step that would cross: GVI's, but for rods, which this prediction knows
-either    reflect there if the step would cross, or if the reflected motion, turned round, would
-both      reflect there if the step would cross and the reflected motion, turned round, would too
-middle    half a smooth step; reflect off what is violated and approaches; half a smooth step
+forward   reflect at the start of a step that would cross: as GVI, except that this prediction includes rods
+either    reflect there if the step would cross, or if the reversed reflected motion would
+both      reflect there if the step would cross and the reversed reflected motion would too
+middle    half a smooth step; reflect off violated contacts that approach; half a smooth step
 
 kick      root mean square change of the shadow energy (order 12) in a reflection
 drift     change of the shadow energy over a run by its impacts: mean over starts, with its standard error
-walk      root mean square change over a run, as a multiple of kick √impacts: 1 where signs of kicks are those of coins
+walk      root mean square change over a run, as a multiple of kick √impacts: 1 if the signs of kicks are random
 disagree  share of impacts that only one of the two directions of time sees
 worst gap smallest gap at the end of a step
 """
@@ -31,11 +31,11 @@ from deli.mechanics.schemes import get_scheme
 
 ORDER = 12
 PLACEMENTS = ("forward", "either", "both", "middle")
-LEAST = 1e-3  # gap that contacts which take no part are given while others are reflected
+LEAST = 1e-3  # gap of the contacts that take no part in a reflection
 
 
 def billiard(random):
-    """A particle in a circle, in a potential in which it moves chaotically."""
+    """Return a particle in a circle, in a potential in which it moves chaotically."""
     angle = random.uniform(0.0, 2.0 * math.pi)
     wells = deli.RadialPowers(coefficients=[0.5, 0.6], exponents=[2, 4], centre=[0.3, 0.2])
     hills = [
@@ -53,12 +53,12 @@ def billiard(random):
 
 
 def mixed(random):
-    """The spring and sphere of Fig. 8.3: the second mass slides on the circle, the first one bounces."""
+    """Return the spring and sphere of Fig. 8.3: the second mass slides on the circle, the first one bounces."""
     position = [[4.0, -1.0] + 0.1 * random.standard_normal(2), [3.0, -4.0]]
     return deli.scenes.spring_sphere(start="mixed", position=position, speed=1.0 + 0.03 * random.standard_normal())
 
 
-# How a start is drawn, the scheme and step sizes.
+# Function that draws a start, scheme and step sizes.
 CASES = {
     "billiard": (billiard, "verlet", (0.05,)),
     "spring_sphere": (mixed, "midpoint", (0.25,)),
@@ -66,7 +66,7 @@ CASES = {
 
 
 class Steps:
-    """Smooth steps in a circle, and reflections off it wherever a body is."""
+    """Smooth steps in a circle, and reflections off it at any position of a body."""
 
     def __init__(self, scene, scheme, step_size, energy):
         self.scene, self.h = scene, step_size
@@ -82,7 +82,7 @@ class Steps:
         return self.scene.unilateral.jacobian(q) @ (p / self.scene.mass)
 
     def reflect(self, q, p, rows):
-        """Momentum reflected off `rows` and what touches, wherever they are."""
+        """Return the momentum reflected off `rows` and the touching contacts, at any positions."""
         found = self.gaps(q)
         wanted = np.where(rows | (np.abs(found) <= self.touches), 0.0, np.maximum(found, LEAST))
         circle = self.scene.unilateral.families[0]
@@ -95,7 +95,7 @@ class Steps:
 
 
 def at_start(steps, q, p, placement):
-    """One step that reflects at its start; also kicks, and how many impacts one direction of time does not see."""
+    """Take one step that reflects at its start; also return kicks, and impacts missed by one direction of time."""
     x, y = steps.smooth.step(q, p)
     gaps, here = steps.gaps(x), steps.gaps(q)
     crossed = gaps <= -steps.touches
@@ -117,7 +117,7 @@ def at_start(steps, q, p, placement):
 
 
 def at_middle(steps, q, p):
-    """Half a smooth step, a reflection of what is violated and approaches, half a smooth step."""
+    """Take half a smooth step, a reflection off violated contacts that approach, and half a smooth step."""
     x, y = steps.smooth.step(q, p)
     meets = (steps.gaps(x) <= -steps.touches) & (steps.speeds(x, y) < 0.0)
     kicks = []
@@ -130,7 +130,7 @@ def at_middle(steps, q, p):
 
 
 def follow(name, step_size, energy, placement, impacts, seed):
-    """Change of the shadow energy over a run, its kicks, impacts, disagreements and worst gap."""
+    """Return the change of the shadow energy over a run, its kicks, impacts, disagreements and worst gap."""
     draw, scheme, _ = CASES[name]
     scene = draw(np.random.default_rng(seed))
     steps = Steps(scene, scheme, 0.5 * step_size if placement == "middle" else step_size, energy)

@@ -1,4 +1,4 @@
-"""Compare what reflection operators keep where several contacts are struck at once.
+"""Compare the laws that reflection operators keep if several contacts are struck at once.
 
     python studies/impacts/compare.py [PROBLEM ...] [--draws N] [-o impacts.csv]
 
@@ -6,12 +6,12 @@ One row a problem and operator, every entry computed by reflecting, with the str
 
 energy, momentum   relative change of the kinetic energy, largest of the linear and angular momentum
 symmetry           largest difference between the mirrored outcome and the outcome of the mirrored problem
-approach           fastest approach that is left at a contact
+approach           fastest remaining approach at a contact
 pull               part of the impulse that no pushing contacts explain (nonnegative least squares)
-opened             contacts that separate afterwards
-one at a time      distance to the nearest of N sequences of pairwise collisions between bodies that are drawn apart a
-                   little, at random, in the limit of small gaps
-exact              distance to the solution, where it is known
+opened             number of contacts that separate afterwards
+one at a time      distance to the nearest of N sequences of pairwise collisions between bodies with small random
+                   separations, in the limit of small gaps
+exact              distance to the solution, if it is known
 """
 
 import argparse
@@ -46,20 +46,20 @@ def reflect(scene, momentum, operator, order):
 
 
 def normals(scene):
-    """Gradients over √M, of unit length: impulses and approach speeds in the metric of the mass."""
+    """Return gradients over √M, of unit length: impulses and approach speeds in the metric of the mass."""
     rows = scene.unilateral.jacobian(scene.position) / np.sqrt(scene.mass)
     return rows / np.linalg.norm(rows, axis=1)[:, None]
 
 
 def conserved(scene, momentum):
-    """Linear and angular momentum."""
+    """Return linear and angular momentum."""
     q, p = scene.position.reshape(scene.bodies, -1), momentum.reshape(scene.bodies, -1)
     turning = [q[:, 0] @ p[:, 1] - q[:, 1] @ p[:, 0]] if scene.dimension == 2 else []
     return np.array([*p.sum(axis=0), *turning])
 
 
 def mirror(scene):
-    """Return the map of momenta that mirrors them, on bodies that are numbered anew so that the scene stays itself."""
+    """Return the map that mirrors momenta, with bodies numbered anew so that the scene does not change."""
     sign = np.array([1.0, -1.0]) if scene.dimension == 2 else np.array([-1.0])
     q = scene.position.reshape(scene.bodies, -1)
     center = np.where(sign < 0, (q.min(axis=0) + q.max(axis=0)) / 2, 0.0)
@@ -69,7 +69,7 @@ def mirror(scene):
 
 
 def one_at_a_time(scene, draws):
-    """Momenta after pairwise collisions of bodies that are set apart: a billiard inside the cone of linearized gaps."""
+    """Return momenta after pairwise collisions of separated bodies: a billiard inside the cone of linearized gaps."""
     rows, root = normals(scene), np.sqrt(scene.mass)
     opening = scene.unilateral.jacobian(scene.position)
     random = np.random.default_rng(1)
@@ -93,7 +93,7 @@ def one_at_a_time(scene, draws):
 
 
 def solution(name, scene):
-    """The momentum that is known to follow, or None."""
+    """Return the exact momentum after the impact, or None if it is not known."""
     if name.startswith("cradle"):
         return scene.momentum[::-1]
     if name == "bernoulli":
@@ -105,7 +105,7 @@ def solution(name, scene):
 
 
 def measure(name, scene, sequences, operator, order):
-    """Figures of one operator in the order of COLUMNS, nan where there is none."""
+    """Return the figures of one operator in the order of COLUMNS, nan for missing ones."""
     before, root, rows, mirrored = scene.momentum, np.sqrt(scene.mass), normals(scene), mirror(scene)
     after = reflect(scene, before, operator, order)
     impulse = (after - before) / root

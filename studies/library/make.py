@@ -1,9 +1,9 @@
-"""Collect subproblems, easy and hard, from short runs of deli's scenes and of a few made to be difficult.
+"""Collect subproblems, easy and hard, from short runs of deli's scenes and of a few difficult ones.
 
     python studies/library/make.py [-o subproblems.nc]
 
-The result is what `deli replay` solves where no file is named. Of each run, and each shape of problem in it, it keeps a
-few spread over time and those nearest to degenerate: where a row hardly presses and is hardly open.
+`deli replay` solves the result if no file is named. Of each run, and each shape of problem in it, the script keeps a
+few problems spread over time and the nearest to degenerate ones, in which a row hardly presses and is hardly open.
 """
 
 import argparse
@@ -18,12 +18,12 @@ from deli.recording.schema import POSED
 from deli.recording.seal import seal
 from deli.recording.subproblems import ORIGIN, SUBPROBLEM_VARIABLES, pack
 
-SPREAD, DEGENERATE = 4, 3  # kept of each shape
-SHAPES = 5  # of each run and subproblem, from the smallest to the largest
+SPREAD, DEGENERATE = 4, 3  # numbers of problems of each shape
+SHAPES = 5  # number of shapes of each run and subproblem, from the smallest to the largest
 
 
 def packed_corner():
-    """Three by three discs that touch each other and two walls, hit by one along the diagonal."""
+    """Return three by three discs that touch each other and two walls; another disc hits them along the diagonal."""
     places = np.array([[0.5 + column, 0.5 + row] for row in range(3) for column in range(3)] + [[3.35, 3.35]])
     momentum = np.zeros_like(places)
     momentum[-1] = [-3.0, -3.0]
@@ -40,7 +40,7 @@ def packed_corner():
 
 
 def touching_row():
-    """Discs side by side on a floor: neighbours touch and do not press, which is degenerate to rounding."""
+    """Return discs side by side on a floor: neighbours touch and do not press, which is degenerate to rounding."""
     count = 6
     places = np.stack([np.arange(count, dtype=float), np.full(count, 0.5)], axis=1)
     return deli.Scene(
@@ -57,7 +57,7 @@ def touching_row():
 
 
 def grazing_gaps():
-    """Discs that slide along a floor and past each other, with gaps and approach speeds down to rounding."""
+    """Return discs that slide along a floor and past each other, with gaps and approach speeds down to rounding."""
     count = 6
     gaps = np.concatenate(([0.0], np.cumsum(1.0 + 10.0 ** -np.arange(4.0, 4.0 + 2 * (count - 1), 2.0))))
     places = np.stack([gaps, np.full(count, 0.5)], axis=1)
@@ -76,7 +76,7 @@ def grazing_gaps():
 
 
 def redundant_contacts():
-    """Two beads on a double-stated rod, on a floor that is stated three times, one of them tilted by 1e-7."""
+    """Return two beads on a rod that is listed twice, on a floor that is listed three times, once tilted by 1e-7."""
     normals = np.array([[0.0, 1.0], [0.0, 2.0], [1e-7, 1.0]])
     return deli.Scene(
         mass=[1.0, 2.0],
@@ -90,7 +90,7 @@ def redundant_contacts():
 
 
 def stack(masses, speed=0.0):
-    """Balls on each other on a line, the lowest on the floor."""
+    """Return balls on each other on a line, the lowest on the floor."""
     count = len(masses)
     rows = np.eye(count) - np.eye(count, k=-1)
     apart = np.array([0.0, *[1.0] * (count - 1)])
@@ -132,7 +132,7 @@ RUNS = [
 
 
 def choose(problems):
-    """Those to keep, in their order."""
+    """Return the problems to keep, in their order."""
     shapes = {}
     for place, posed in enumerate(problems):
         shapes.setdefault((posed.subproblem, posed.newton, posed.variables, posed.rows, posed.equalities), []).append(
@@ -149,7 +149,7 @@ def choose(problems):
 
 
 def margin(posed):
-    """How far the closest inequality row is from neither pressing nor being open."""
+    """Return the distance of the closest inequality row from neither pressing nor being open."""
     free = slice(posed.equalities, None)
     slack = (posed.matrix @ posed.z - posed.bounds)[free]
     return np.maximum(slack, posed.y[free]).min(initial=np.inf)

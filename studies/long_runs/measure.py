@@ -1,11 +1,11 @@
-"""Long runs: does the energy drift, does memory grow, do steps become slower, can the file be read meanwhile?
+"""Long runs: drift of the energy, growth of memory, slow-down of steps, and readings of the growing file.
 
     python studies/long_runs/measure.py [RUN ...] [--quick] [-o long_runs.json]
 
 gain          drift of the energy over the whole run, in shares of its band, with its standard error
-memory        by how much the process's memory grows after the first tenth of the steps
+memory        growth of the process's memory after the first tenth of the steps
 slow-down     processor time of a step in the last third of the run over that in the first
-reads         how often the growing file was read by another process, and how often that came between two writes
+reads         number of readings of the growing file by another process, and of readings between two writes
 """
 
 import argparse
@@ -30,7 +30,7 @@ from deli.errors import InputError
 from deli.recording.paths import partial_path
 from deli.simulation import run_plan
 
-QUICK = 10  # by what steps are divided
+QUICK = 10  # divisor of the numbers of steps
 PAUSE_SECONDS = 0.2
 # Rows are recorded at intervals that do not fall in step with the motion.
 RUNS = {
@@ -51,7 +51,7 @@ RUNS = {
 
 
 def carry_out(name: str, steps: int, output: Path) -> list[tuple[int, float, int]]:
-    """Run; return steps taken, processor seconds and bytes of memory now and then."""
+    """Run; return steps taken, processor seconds and bytes of memory at intervals."""
     samples, process = [], psutil.Process()
     plan = parse(RUNS[name] | {"steps": steps}).plan(output)
     run_plan(plan, lambda step: samples.append((step, time.process_time(), process.memory_info().rss)))
@@ -59,7 +59,7 @@ def carry_out(name: str, steps: int, output: Path) -> list[tuple[int, float, int
 
 
 def watch(running: Future, output: Path) -> tuple[list[np.ndarray], int]:
-    """Read the growing file until the run ends; return the energies read, and how often there was none to read."""
+    """Read the growing file until the run ends; return the energies read, and the number of failed readings."""
     read, torn = [], 0
     while not running.done():
         time.sleep(PAUSE_SECONDS)
@@ -74,7 +74,7 @@ def watch(running: Future, output: Path) -> tuple[list[np.ndarray], int]:
 def measure(name: str, quick: bool, folder: Path) -> dict[str, object]:
     steps, output = RUNS[name]["steps"] // (QUICK if quick else 1), folder / "run.nc"
     output.unlink(missing_ok=True)
-    # A process of its own, whose memory nothing else has grown.
+    # A process of its own, so that no other work has grown its memory.
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), max_tasks_per_child=1) as pool:
         running = pool.submit(carry_out, name, steps, output)
         read, torn = watch(running, output)

@@ -1,7 +1,7 @@
-"""Look into code that numba compiles: what of it has run, and what it does when it is changed in one place.
+"""Instruments for code that numba compiles: its coverage, and its behaviour with one changed place.
 
-Tracers see Python alone. Here modules are changed as they are imported: their syntax trees get calls that the compiled
-code turns into a read or a write of memory that Python sees as well.
+Tracers see only Python. This module changes modules as they are imported: their syntax trees get calls that the
+compiled code turns into a read or a write of memory that Python also sees.
 """
 
 import ast
@@ -21,7 +21,7 @@ DECORATED = re.compile(rf"^@({'|'.join(DECORATORS)})\b", re.MULTILINE)
 
 
 def compiled_functions(tree: ast.AST) -> list[ast.FunctionDef]:
-    """The functions of a module that numba compiles."""
+    """Return the functions of a module that numba compiles."""
 
     def name(decorator: ast.expr) -> str | None:
         called = decorator.func if isinstance(decorator, ast.Call) else decorator
@@ -35,7 +35,7 @@ def compiled_functions(tree: ast.AST) -> list[ast.FunctionDef]:
 
 
 def modules() -> list[Path]:
-    """The files that hold such functions, in a fixed order."""
+    """Return the files with such functions, in a fixed order."""
     files = sorted([*ROOT.glob("deli/**/*.py"), *ROOT.glob("solvers/**/*.py")])
     return [file for file in files if DECORATED.search(file.read_text())]
 
@@ -79,7 +79,7 @@ class _Loader(SourceFileLoader):
 
 
 def shared_bytes(file: Path, size: int) -> mmap.mmap:
-    """Bytes that all processes share, so that what one has written is there however it ends."""
+    """Return bytes that all processes share, so that the marks of a process survive any end of it."""
     descriptor = os.open(file, os.O_RDWR | os.O_CREAT)
     try:
         os.ftruncate(descriptor, size)

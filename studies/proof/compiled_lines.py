@@ -1,6 +1,6 @@
 """A plugin of coverage.py that counts the lines of compiled functions: `[tool.coverage.run]` in ``pyproject.toml``.
 
-Run as a program after the tests, it adds what has been counted to coverage's data.
+Run as a program after the tests, it adds the counted lines to coverage's data.
 """
 
 import ast
@@ -19,7 +19,7 @@ MARKS = compiled_code.ROOT / ".coverage-compiled"
 
 @cache
 def _lengths() -> dict[Path, int]:
-    """How many bytes each file has among the marks: one a line, and one before the first."""
+    """Return the number of marks of each file: one for each line, and one before the first."""
     return {file: len(file.read_text().splitlines()) + 1 for file in compiled_code.modules()}
 
 

@@ -1,4 +1,4 @@
-"""What compiled code reads and writes of Python's memory, by symbols that Python gives addresses to."""
+"""Access of compiled code to Python's memory, by symbols with addresses from Python."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ _BYTE = ir.IntType(8)
 
 
 def store(symbol: str, place: int) -> Any:
-    """A function for compiled code that sets the n-th byte at an address."""
+    """Return a function for compiled code that sets the n-th byte at an address."""
     llvm.add_symbol(symbol, place)
 
     @intrinsic
@@ -27,7 +27,7 @@ def store(symbol: str, place: int) -> Any:
 
 
 def equals(symbol: str, place: int) -> Any:
-    """A function for compiled code that says whether the word at an address is n."""
+    """Return a function for compiled code that returns whether the word at an address is n."""
     llvm.add_symbol(symbol, place)
 
     @intrinsic

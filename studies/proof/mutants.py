@@ -1,4 +1,4 @@
-"""Mutation testing of what deli computes: `python studies/proof/mutants.py --help`."""
+"""Mutation testing of deli's arithmetic: `python studies/proof/mutants.py --help`."""
 
 import argparse
 import ast
@@ -23,14 +23,14 @@ import pytest
 ROOT = compiled_code.ROOT
 MUTATED = ("deli/kernels/*.py", "solvers/native*.py", "solvers/kernels.py", "solvers/residuals.py")
 MUTATED += ("solvers/backends/native.py", "deli/integrators/*.py", "deli/subproblems/*.py")
-# How kernels are compiled, not what.
+# Files that compile kernels, and hold none.
 LEFT = {"build.py", "compiled.py", "record.py", "__init__.py"}
 MEMORY = 8 << 30
 PYTHON, COMPILED = "_mutant", "_compiled_mutant"
 
 
 class Mutants:
-    """All mutants of all files, in the modules that are imported from now on."""
+    """The mutants of all files, in the modules that are imported from now on."""
 
     def __init__(self) -> None:
         self.files = sorted(f for pattern in MUTATED for f in ROOT.glob(pattern) if f.name not in LEFT)
@@ -49,7 +49,7 @@ class Mutants:
         self._active.value = number
 
     def reached(self) -> list[int]:
-        """The places looked at since the last call."""
+        """Return the places reached since the last call."""
         places = [number for number, mark in enumerate(self._reached.raw[: len(self.mutants)]) if mark]
         ctypes.memset(self._reached, 0, len(self.mutants))
         return places
@@ -118,7 +118,7 @@ class Runner:
         return True
 
     def measure(self, session: Any) -> list[tuple[float, set[int], int]]:
-        """What each test takes and which places it reaches, module by module; tests that fail are left out.
+        """Return the cost of each test and the places that it reaches, module by module, without tests that fail.
 
         A module whose file is what it was is not measured again.
         """
@@ -137,7 +137,7 @@ class Runner:
                 print(f"{module}: {len(places)} tests, {seconds:.0f} s", file=sys.stderr, flush=True)
             for name, cost, reached in json.loads(answer.read_text()):
                 tests.append((cost, set(reached), places[name]))
-        return sorted(tests, key=lambda test: test[0] * len(test[1]))  # what is quick and looks at little else
+        return sorted(tests, key=lambda test: test[0] * len(test[1]))  # first quick tests that reach few other places
 
     def _measure(self, items: list[Any], answer: Path) -> int:
         found = []
@@ -182,22 +182,22 @@ def _run(item: Any) -> None:
 
 
 def load() -> None:
-    """Import and load all that every fork would."""
+    """Import and load all code that every fork needs."""
     import deli
     from deli.kernels.compiled import UNITS
 
-    for unit in UNITS.values():  # in order, so that each finds those that it calls
+    for unit in UNITS.values():  # in order, so that each unit finds its callees
         unit.compile()
     deli.simulate(deli.scenes.point_mass(), deli.GVI(), step_size=0.1, steps=1)
 
 
 def fork(action: Callable[[], int], most: int) -> tuple[int, float]:
-    """Run an action in a process of its own, for so many CPU seconds at most: its exit code, and how long it took."""
+    """Run an action in a process of its own with a limit of CPU seconds; return its exit code and its time."""
     start = time.monotonic()
     child = os.fork()
     if child == 0:
         resource.setrlimit(resource.RLIMIT_CPU, (most, most + 1))
-        signal.alarm(60 * most)  # for what waits
+        signal.alarm(60 * most)  # for a process that waits
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -215,13 +215,13 @@ def fork(action: Callable[[], int], most: int) -> tuple[int, float]:
 def main() -> None:
     """Run mutants against tests."""
     parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("tests", nargs="*", help="what pytest is to collect")
+    parser.add_argument("tests", nargs="*", help="arguments of pytest's collection")
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, help="JSON lines, one a mutant; what is there is not done again"
+        "-o", "--output", type=Path, required=True, help="JSON lines, one a mutant; mutants in it are not run again"
     )
     parser.add_argument("--files", default="", help="only mutants of files whose path contains this")
-    parser.add_argument("--count", type=int, help="of mutants, drawn at random with seed 0")
-    parser.add_argument("--again", type=Path, help="only mutants that survived there, or were not reached")
+    parser.add_argument("--count", type=int, help="number of mutants, drawn at random with seed 0")
+    parser.add_argument("--again", type=Path, help="only mutants that survived in this file, or were not reached")
     parser.add_argument("--budget", type=float, default=1.5, help="CPU seconds of tests for a mutant")
     options = parser.parse_args()
     mutants = Mutants()

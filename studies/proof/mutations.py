@@ -1,4 +1,4 @@
-"""All mutants of a module in one: each changed place looks at run time whether it is to be changed."""
+"""All mutants of a module in one: each place checks at run time whether it is changed."""
 
 import ast
 import copy
@@ -21,7 +21,7 @@ _LEFT = (ast.JoinedStr, ast.Raise, ast.Assert, ast.FunctionDef, ast.ClassDef, as
 
 
 class Mutant(NamedTuple):
-    """A place in a file and what stands there instead."""
+    """A place in a file, and the code that replaces it."""
 
     file: Path
     line: int
@@ -86,12 +86,12 @@ def _is_shape(node: ast.AST) -> bool:
 
 
 def _opaque(test: ast.expr) -> bool:
-    """Whether a condition has no mutant that is its opposite."""
+    """Return whether a condition has no mutant that is its opposite."""
     return isinstance(test, ast.Name | ast.Attribute | ast.Subscript | ast.Call)
 
 
 def _can_go(statement: ast.AST) -> bool:
-    """Whether a statement can be left out and its names are still defined."""
+    """Return whether names stay defined if a statement is left out."""
     if isinstance(statement, ast.Assign):
         return not any(isinstance(part, ast.Name | ast.Tuple) for part in statement.targets)
     if isinstance(statement, ast.Expr):
@@ -100,7 +100,7 @@ def _can_go(statement: ast.AST) -> bool:
 
 
 def _others(node: ast.expr) -> Iterator[ast.expr]:
-    """What may stand in the place of an expression."""
+    """Yield the expressions that may replace an expression."""
     match node:
         case ast.BinOp(left, operator, right) if type(operator) in _ARITHMETIC:
             yield ast.BinOp(left, _ARITHMETIC[type(operator)](), right)

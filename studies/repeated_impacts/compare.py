@@ -1,4 +1,4 @@
-"""Compare what methods make of impacts without end: a wall under a quartic potential, and rods on a line.
+"""Compare methods over thousands of impacts: a wall under a quartic potential, and rods on a line.
 
     python studies/repeated_impacts/compare.py [PROBLEM ...] [--steps N] [--method NAME ...] [-o impacts.csv]
 
@@ -9,12 +9,12 @@ at the end       mean of H / H(0) - 1 over the last tenth of the run
 worst gap        of all steps
 
 hard_rods: 10 equal rods that fill half of a line, h = .01, against the exact solution. Rods that meet exchange
-velocities, and so are free points in their order. The unit is the length of a rod, and so is the mean space between.
+velocities, and are thus free points in their order. The unit is the length of a rod, which is also the mean gap.
 
 impacts          contacts that reflect or press, over all steps
 by 10, 100, ...  largest error of a position until this time; positions are compared in their order, rod by rod
-lost at          when some rod is half a unit off: later, a rod is compared to points that are not its own
-velocities       largest error of the sorted speeds, which are those of the start
+lost at          time when a rod is half a unit off; later, a rod may be compared to points of other rods
+velocities       largest error of the sorted speeds, which do not change in the exact motion
 worst gap        of all steps
 """
 
@@ -37,8 +37,8 @@ STEPS = 100_000
 ZERO = 1e-15
 HALF_SPACE = 0.5
 TIMES = (10.0, 100.0, 1000.0)
-# What can matter: a single mass has no two contacts, and without a force schemes and energies are the same. Methods not
-# named here take every combination of their choices.
+# Choices that can matter: a single mass has no two contacts, and without a force schemes and energies are the same.
+# Methods that are not named here take every combination of their choices.
 SETTINGS = {
     "quartic_wall": {
         "gvi": {
@@ -61,7 +61,7 @@ SETTINGS = {
 
 
 def methods(problem, names):
-    """Methods with their settings in words."""
+    """Yield methods with their settings in words."""
     for name in names:
         settings = SETTINGS[problem].get(name, METHODS[name].CHOICES)
         for values in itertools.product(*settings.values()):
@@ -112,7 +112,7 @@ def main():
     if unknown:
         parser.error(f"unknown problem: {', '.join(sorted(unknown))}; allowed: {', '.join(PROBLEMS)}")
 
-    logging.getLogger("deli").setLevel(logging.ERROR)  # a run that fails says so in the table
+    logging.getLogger("deli").setLevel(logging.ERROR)  # the table shows failed runs
     console, rows = Console(width=None if Console().is_terminal else 240), []
     for problem in options.problem:
         step_size, measure = PROBLEMS[problem]

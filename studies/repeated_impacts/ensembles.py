@@ -1,4 +1,4 @@
-"""Run the paper's pogo stick and Newton's cradle from many starts: do its claims hang on the one that it shows?
+"""Run the paper's pogo stick and Newton's cradle from many starts, to test whether its claims depend on the start.
 
     python studies/repeated_impacts/ensembles.py [pogo_stick] [newtons_cradle] [--members N]
 
@@ -9,10 +9,10 @@ complete         members that reach the end
 band             range of the energy: median over the members, and largest
 wander           range of its means over tenths of the run, likewise
 
-newtons_cradle (Fig. 8.4): 60 units of time, gravity from 9.2 to 10.4 in equal steps: the paper does not say which it
-takes, and it decides where within a step the first blow falls.
+newtons_cradle (Fig. 8.4): 60 units of time, gravity from 9.2 to 10.4 in equal steps. The paper does not state gravity,
+which determines the time of the first blow within its step.
 
-clean swings     with how many swings the cradle begins in which the swinging balls have 90 % of the energy: median
+clean swings     number of swings from the start in which the swinging balls have 90 % of the energy: median
 energy error     largest |H - H(0)| of all members, over h^2
 """
 

@@ -250,5 +250,5 @@ def test_a_change_of_cvxpys_layout_is_noticed(monkeypatch):
             self.program.upper[0] *= -1.0
 
     monkeypatch.setattr(canonical, "AffineMap", Wrong)
-    with pytest.raises(solvers.SolverError, match="lays out u differently"):
+    with pytest.raises(solvers.SolverError, match="another layout of u"):
         solvers.compile(projection(), "daqp")
