@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from deli.commands.console import console, guarded
-from deli.commands.files import STUDY_FOLDER, require_kind
+from deli.commands.files import FOLDER, STUDY_FOLDER, require_kind
 from deli.numerals import numeral
 from deli.studies.states import DONE, EXCLUDED
 
@@ -32,7 +32,7 @@ def report(
     from deli.studies.plot_tables import HeatMap
     from deli.studies.report import plots_of, write_report
 
-    require_kind(folder, "report", "a study's folder", STUDY_FOLDER)
+    require_kind(folder, "report", "a study's folder", STUDY_FOLDER, FOLDER)
     study = open_study(folder)
     page, text = write_report(study)
     if not quiet:

@@ -84,7 +84,7 @@ def sources() -> list[Path]:
     return [
         *sorted(Path(__file__).parent.glob("*.py")),
         *sorted(solvers.glob("native*.py")),
-        solvers / "absorbed.py",
+        *(solvers / f"{name}.py" for name in ("absorbed", "kept", "code_folder")),
         Path(tables.__file__),
     ]
 

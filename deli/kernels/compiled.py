@@ -12,7 +12,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
-from solvers.absorbed import PlainCompiler, absorbed
+from solvers.absorbed import PlainCompiler, absorbed, inlined
 from solvers.kept import kept_callback
 
 _WORD = ir.IntType(64)
@@ -23,6 +23,7 @@ _MONOTONIC = 1  # the clock that does not jump
 
 
 kernel = absorbed
+inner_kernel = inlined
 
 
 class Unit(types.ExternalFunction):

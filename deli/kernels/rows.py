@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from deli.kernels.compiled import kernel
+from deli.kernels.compiled import inner_kernel, kernel
 from deli.mechanics.tables import OTHER, PAIR, PLANE, Rows
 
 
-@kernel
+@inner_kernel
 def separation(rows: Rows, row: int, q: np.ndarray, axis: int) -> float:
     """One component of x, see `Rows`."""
     dimension = rows.vector.shape[1]
@@ -22,7 +22,7 @@ def separation(rows: Rows, row: int, q: np.ndarray, axis: int) -> float:
     return x
 
 
-@kernel
+@inner_kernel
 def value(rows: Rows, row: int, q: np.ndarray, others: np.ndarray) -> float:
     """Value of a row at q, given the values of those that are functions of the user's."""
     kind = rows.kind[row]

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from deli.studies.comparisons import SOLVER, axes_of, comparisons, shortened
-from deli.studies.matching import SCENE, in_words
+from deli.studies.matching import SCENE, in_words, word
 from deli.studies.states import DONE, EXCLUDED
 
 COMPLETE = "complete"
@@ -112,10 +112,10 @@ def _kept(state: xr.DataArray, lost: xr.DataArray, axis: str, solver: list[str])
         told = f"{name} (which fails at {failed} of {tried})" if failed else name
         loosest.setdefault(float(fine.max()) if fine.size else 0.0, []).append(told.strip())
     if set(loosest) == {float(state[axis].max())} and bool(complete.all()):
-        return f"at every {axis} up to {state[axis].max():.0e}{' with every solver' if solver else ''}"
+        return f"at every {axis} up to {word(state[axis].max().item())}{' with every solver' if solver else ''}"
     parts = []
     for value, who in sorted(loosest.items(), reverse=True):
-        at = f"up to {axis} {value:.0e}" if value else f"at no {axis} that was tried"
+        at = f"up to {axis} {word(value)}" if value else f"at no {axis} that was tried"
         parts.append(f"{at} with {', '.join(who)}" if solver else at)
     return "; ".join(parts)
 
@@ -146,7 +146,7 @@ def _drifts(study: xr.Dataset) -> Iterator[str]:
         yield f"Energy drifts in none of {of:,} cases ({beyond}){short}."
         return
     where = over.where(seen).argmax(...)
-    place = ", ".join(f"{name} = {study[name].values[int(index)]}" for name, index in where.items())
+    place = ", ".join(f"{name} = {word(study[name].values[int(index)])}" for name, index in where.items())
     most = f"most with {place}: {float(drift[where]):+.1e} a unit of time"
     yield f"Energy drifts in {count:,} of {of:,} cases; {most}{short}."
 
@@ -156,7 +156,7 @@ def _violations(study: xr.Dataset) -> Iterator[str]:
     if not worst.notnull().any():
         return
     place = worst.argmax(...)
-    label = ", ".join(f"{name} = {study[name].values[int(index)]}" for name, index in place.items())
+    label = ", ".join(f"{name} = {word(study[name].values[int(index)])}" for name, index in place.items())
     yield f"The worst violation in {int(worst.notnull().sum()):,} cases is {float(worst[place]):.1e}, with {label}."
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
-DECORATORS = {"absorbed", "kernel", "njit", "unit"}
+DECORATORS = {"absorbed", "inlined", "inner_kernel", "kernel", "njit", "unit"}
 DECORATED = re.compile(rf"^@({'|'.join(DECORATORS)})\b", re.MULTILINE)
 
 

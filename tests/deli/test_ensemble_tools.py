@@ -246,7 +246,7 @@ class TestFiles:
         assert call("animate", "e.nc", "--member", "2", "--every", "20", "--quiet").exit_code == DONE
         assert (folder / "e.png").stat().st_size > 10_000 < (folder / "two.png").stat().st_size
         for arguments, words in (
-            (("plot", "e.nc", "--member", "3"), "member is 3; the ensemble has members 0 to 2"),
+            (("plot", "e.nc", "--member", "3", "-o", "three.png"), "member is 3; the ensemble has members 0 to 2"),
             (("animate", "e.nc", "--overwrite"), "draw one of them"),
         ):
             refused = call(*arguments)

@@ -14,7 +14,7 @@ def test_what_a_clean_study_says():
     told = findings(made_up())
     assert told == [
         "All 24 cases ended.",
-        "Contacts last at every tolerance up to 1e-03 with every solver.",
+        "Contacts last at every tolerance up to 1e-3 with every solver.",
         "Along solver, quick takes the least wall time; times as much (geometric mean of 12 cases each): slow 3.",
         "Along step_size, 0.2 takes the least wall time; times as much (geometric mean of 6 cases each): 0.1 2, "
         "0.05 4, 0.025 8.",
@@ -23,9 +23,9 @@ def test_what_a_clean_study_says():
         "Energy band by step_size (geometric mean of 6 cases each): 0.2 8.00e-02, 0.1 2.00e-02, 0.05 5.00e-03, "
         "0.025 1.25e-03, about step_size^2.",
         "The energy band does not depend on tolerance (within 5 % in all 24 cases compared).",
-        "The worst violation by tolerance (of 8 cases each): 0.001 1.0e-12, 1e-06 1.0e-15, 1e-09 1.0e-18.",
+        "The worst violation by tolerance (of 8 cases each): 1e-3 1.0e-12, 1e-6 1.0e-15, 1e-9 1.0e-18.",
         "Energy drifts in none of 24 cases (beyond 4 standard errors and a tenth of its band).",
-        "The worst violation in 24 cases is 1.0e-12, with solver = quick, step_size = 0.2, tolerance = 0.001.",
+        "The worst violation in 24 cases is 1.0e-12, with solver = quick, step_size = 0.2, tolerance = 1e-3.",
         "Of 240 solves in 24 cases 240 were verified to their tolerance; 0 were claimed and do not hold, 0 hold and "
         "were not claimed.",
     ]
@@ -43,11 +43,11 @@ def test_what_a_clean_study_says():
         ),
         (
             {"smooth_contacts": (ONE, 1.9)},
-            "Contacts last with step_size = 0.1: up to tolerance 1e-03 with quick; up to tolerance 1e-06 with slow.",
+            "Contacts last with step_size = 0.1: up to tolerance 1e-3 with quick; up to tolerance 1e-6 with slow.",
         ),
         (
             {"energy_drift": (ONE, 1e-3)},
-            "Energy drifts in 1 of 24 cases; most with solver = slow, step_size = 0.1, tolerance = 0.001: +1.0e-03 a "
+            "Energy drifts in 1 of 24 cases; most with solver = slow, step_size = 0.1, tolerance = 1e-3: +1.0e-03 a "
             "unit of time.",
         ),
         (
@@ -57,7 +57,7 @@ def test_what_a_clean_study_says():
         ),
         (
             {"violation_worst": (ONE, 0.25)},
-            "The worst violation in 24 cases is 2.5e-01, with solver = slow, step_size = 0.1, tolerance = 0.001.",
+            "The worst violation in 24 cases is 2.5e-01, with solver = slow, step_size = 0.1, tolerance = 1e-3.",
         ),
     ],
     ids=["failure", "contact lost", "drift", "claim", "violation"],
@@ -82,21 +82,21 @@ def test_failed_cases_are_left_out_of_comparisons():
 def test_contacts_that_no_tolerance_keeps():
     told = findings(made_up(smooth_contacts=({"solver": "slow"}, 0.5)))
     assert (
-        "Contacts last up to tolerance 1e-03 with quick; at no tolerance that was tried with slow." in told
+        "Contacts last up to tolerance 1e-3 with quick; at no tolerance that was tried with slow." in told
     )  # measured by what the other solver keeps
 
 
 def test_what_fails_is_not_said_to_keep_contacts():
     failed = {"solver": "slow", "tolerance": [1e-9, 1e-6]}
     told = findings(made_up(state=(failed, "failed"), outcome=(failed, "failed")))
-    assert "Contacts last up to tolerance 1e-03 with quick, slow (which fails at 2 of 3)." in told
+    assert "Contacts last up to tolerance 1e-3 with quick, slow (which fails at 2 of 3)." in told
 
 
 def test_lost_contacts_that_bounce_are_counted():
     told = findings(made_up(smooth_contacts=(ONE, 0.0), reflected_contacts=(ONE, 40.0)))
     assert (
         "What should slide or rest bounces where contacts are lost: 40 reflections instead of 0 with step_size = 0.1, "
-        "solver = slow, tolerance = 0.001." in told
+        "solver = slow, tolerance = 1e-3." in told
     )
 
 

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from study_data import made_up
 
+from deli.numerals import numeral
 from deli.plotting.comparison import heat_map, pareto, work_precision
 from deli.studies import report
 from deli.studies.findings import findings
@@ -120,7 +121,7 @@ def test_members_that_a_scene_does_not_have_are_not_missing():
     study["state"].values[0, 2, 0] = "failed"
     assert (
         "Comparisons are between 10 of 12 cases; left out because of cases that did not end or are excluded: "
-        "0.05, seed = 0.001 (1 of 2)." in findings(study)
+        "0.05, seed = 1e-3 (1 of 2)." in findings(study)
     )
 
 
@@ -186,5 +187,5 @@ def test_means_in_a_table_say_of_how_many_cases_they_are(tmp_path, monkeypatch):
     head = table[0]
     rows = {tuple(row[:2]): dict(zip(head, row, strict=True)) for row in table[2:10]}
     assert rows["slow", "0.2"]["state"] == "2"
-    assert rows["slow", "0.2"]["energy_band"] == f"{np.exp(np.log(study.energy_band.values[1, 0, 1:]).mean()):.3g}"
-    assert rows["quick", "0.1"]["energy_band"] == f"{study.energy_band.values[0, 1, 2]:.3g} (1)"
+    assert rows["slow", "0.2"]["energy_band"] == numeral(np.exp(np.log(study.energy_band.values[1, 0, 1:]).mean()), 3)
+    assert rows["quick", "0.1"]["energy_band"] == f"{numeral(study.energy_band.values[0, 1, 2], 3)} (1)"

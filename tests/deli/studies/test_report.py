@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 import deli
 from deli.cli import app
+from deli.numerals import numeral
 from deli.studies.findings import findings
 
 STUDY = """
@@ -105,7 +106,7 @@ def test_the_page_shows_findings_pictures_and_cases(folder, browser, tmp_path):
         assert browser.execute_script("return arguments[0].complete && arguments[0].naturalWidth > 300", picture)
     cases = browser.find_elements(By.TAG_NAME, "table")[0].find_elements(By.TAG_NAME, "tr")
     assert len(cases) == 1 + study["state"].size
-    band = f"{float(study['energy_band'].sel(scene='spring_sphere', solver='daqp', solver_tolerance=1e-3)):.3g}"
+    band = numeral(float(study["energy_band"].sel(scene="spring_sphere", solver="daqp", solver_tolerance=1e-3)), 3)
     assert band in cases[1].text.split()
     assert not browser.get_log("browser")
 
