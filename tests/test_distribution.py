@@ -9,6 +9,7 @@ import pytest
 
 import deli
 import solvers
+from deli.recording.provenance import CITATION
 from solvers.distribution import install_line
 
 ROOT = Path(__file__).parents[1]
@@ -64,3 +65,24 @@ def test_the_distribution_has_one_name_and_one_version():
 def test_messages_say_how_an_extra_is_installed():
     for info in solvers.backends():
         assert info.install in ("", install_line("solvers"))
+
+
+def cited(text):
+    """The value of each key of CITATION.cff that a line of its own has."""
+    return dict(re.findall(r'^\s*(?:- )?([\w-]+): "?([^"\n]+)"?$', text, re.MULTILINE))
+
+
+def test_the_version_is_written_in_one_place_and_told_elsewhere():
+    assert cited((ROOT / "CITATION.cff").read_text())["version"] == deli.__version__
+    assert f"\n## {deli.__version__}" in (ROOT / "CHANGELOG.md").read_text()
+    assert "version" in PROJECT["dynamic"]
+
+
+def test_runs_cite_as_the_citation_file_does():
+    found = cited((ROOT / "CITATION.cff").read_text())
+    for key in ("name", "version", "journal", "volume", "year", "doi"):
+        assert found[key] in CITATION
+
+
+def test_the_packages_have_no_links():
+    assert not [path for package in ("deli", "solvers") for path in (ROOT / package).rglob("*") if path.is_symlink()]

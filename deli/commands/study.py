@@ -21,7 +21,13 @@ SHOWN_FAILURES = 20
 
 @guarded
 def study(
-    source: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="A study file.")],
+    source: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[STUDY]",
+            help="A study file (.toml), or the name of a study that comes with deli, such as stability/gap.",
+        ),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="DIR", help="Folder of the study (default: the file's name, here)."),
@@ -36,6 +42,7 @@ def study(
         str | None,
         typer.Option(metavar="ADDRESS", help="Run on a Dask scheduler, such as tcp://host:8786, instead of here."),
     ] = None,
+    listing: Annotated[bool, typer.Option("--list", help="List the studies that come with deli and stop.")] = False,
     quick: Annotated[
         bool, typer.Option("--quick", help="A shorter form of the study, as its table [quick] says: a first look.")
     ] = False,
@@ -49,6 +56,8 @@ def study(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
 ) -> None:
     """Run a study: a base config, and the keys that vary. Open the results with `deli.open_study(DIR)`.
+
+    A study is named by its file, or by a name that `deli study --list` shows; a file wins over a name.
 
     A recorded case is not repeated, unless its config, deli or one of its backends has changed; an interrupted case is
     continued. A case that fails, exceeds the study's limits of time or memory, or is killed, keeps that outcome and
@@ -104,11 +113,20 @@ def study(
     from deli.studies.expansion import load
     from deli.studies.planning import KEEP
     from deli.studies.running import plan_study, run_study
+    from deli.studies.shipped import find, is_both
 
+    if listing:
+        _print_list()
+        return
+    if source is None:
+        raise InputError("no study is given; name a study's file, or one of those that `deli study --list` shows.")
     if workers is not None and scheduler is not None:
         raise InputError("--workers and --scheduler are both given; a Dask scheduler has its own workers.")
-    require_kind(source, "study", "a study's file (.toml)", STUDY)
-    checked, folder = load(source, quick), output or _folder_of(source)
+    file = find(source)
+    require_kind(file, "study", "a study's file (.toml)", STUDY)
+    if is_both(source) and not quiet:
+        complain(f"{source} is a file here and a study that comes with deli; the file is taken.")
+    checked, folder = load(file, quick), output or _folder_of(source)
     decisions = plan_study(checked, folder, retry_failed=retry_failed)
     if dry_run:
         _print_plan(decisions)
@@ -124,6 +142,21 @@ def study(
         console().print(f"{_counted(result)}; in {folder}", soft_wrap=True)
     told = set() if quiet else {decision.case.digest for decision in decisions if decision.action != KEEP}
     _complain_of(result, folder, told)
+
+
+def _print_list() -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from deli.studies.expansion import outline
+    from deli.studies.shipped import studies
+
+    table = Table("study", "question", "cases")
+    for name, path in studies().items():
+        title, cases = outline(path)
+        table.add_row(Text(name), Text(title), str(cases))
+    console().print(table)
+    console().print("Cases are counted with the solvers that are installed.")
 
 
 def _folder_of(source: Path) -> Path:

@@ -14,9 +14,10 @@ from deli.config.reading import read_toml, refuse_unusable
 from deli.errors import InputError
 from deli.figures.exact import SOLUTIONS
 from deli.recording.provenance import flatten
+from deli.shipped import FOLDER
 
-CONFIGS = Path(__file__).parent / "configs"
-"""The paper's figures: a link to ``studies/paper`` in a checkout, the files themselves in an installed package."""
+CONFIGS = FOLDER / "paper"
+"""The configs of the paper's figures."""
 
 Quantity = Literal["position", "radius", "energy", "energy_change", "angular_momentum", "swinging_share"]
 Color = Literal["blue", "red", "green", "purple", "orange", "black"]

@@ -63,7 +63,8 @@ def _array(hint: Any) -> types.Array:
     dimensions = 1
     if typing.get_origin(hint) is typing.Annotated:
         hint, dimensions = typing.get_args(hint)
-    (element,) = typing.get_args(typing.get_args(hint)[1])
+    element = typing.get_args(hint)[-1]  # the argument of NDArray, in a dtype before numpy 2.5
+    (element,) = typing.get_args(element) or (element,)
     return types.Array(from_dtype(np.dtype(element)), dimensions, "C")
 
 

@@ -38,6 +38,13 @@ MADE_IN_PYTHON = {
 NONE_USED = "none used"
 ONLY_WITH: dict[tuple[str, str], tuple[str, str]] = {("gvi", "order"): ("reflection", "sequential")}
 """Settings of methods that have a meaning only with another setting."""
+CITATION = (
+    f"The developers of deli, deli {__version__}: geometric integration of mechanical systems with contact, with "
+    "swappable convex solvers. It implements D. M. Kaufman and D. K. Pai, Geometric numerical integration of "
+    "inequality constrained, nonsmooth Hamiltonian systems, SIAM Journal on Scientific Computing 34(5), 2012, "
+    "https://doi.org/10.1137/100800105."
+)
+"""The reference of a run, for a bibliography: that of CITATION.cff."""
 SOFTWARE = ("deli_version", "cvxpy_version", "numpy_version", "python_version", "machine")
 BETWEEN_SESSIONS = "; "
 
@@ -114,6 +121,7 @@ def attributes(config: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
         "machine": machine(),
         **conserved_momenta(scene),
         "units_note": UNITS_NOTE,
+        "citation": CITATION,
         "start": now(),
         "backend_versions": NONE_USED,
         "outcome": "unfinished",

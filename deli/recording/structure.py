@@ -29,6 +29,8 @@ from deli.recording.subproblems import COUNTED, LEFT_OUT, find_fault, places
 from deli.subproblems.stats import STATUS_MEANINGS
 
 TEXTS = ("title", "config", "deli_version", "backend_versions", "machine", "outcome", "start")
+LATER_TEXTS = ("citation",)
+"""Attributes that files of earlier versions do not have."""
 MOMENTA = ("conserved_linear_momentum", "conserved_angular_momentum")
 
 
@@ -186,6 +188,9 @@ def require_attributes(attributes: dict[str, Any], path: Path) -> None:
     for name in (*TEXTS, *MOMENTA):
         if not isinstance(attributes.get(name), str):
             refuse(path, f"its attribute {name} is {attributes.get(name)!r:.80}, not a text")
+    for name in LATER_TEXTS:
+        if not isinstance(attributes.get(name, ""), str):
+            refuse(path, f"its attribute {name} is {attributes[name]!r:.80}, not a text")
     for name in MOMENTA:
         if not set(attributes[name].split()) <= {*AXES, "none"}:
             refuse(path, f"its attribute {name} is {attributes[name]!r:.80}; allowed are none, and {' '.join(AXES)}")

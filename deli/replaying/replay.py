@@ -15,11 +15,12 @@ from deli.recording import provenance
 from deli.recording.reading import read_subproblems
 from deli.replaying.contenders import STATUSES, Contender, Outcome, Reference
 from deli.running.progress import ProgressBar
+from deli.shipped import FOLDER
 from deli.subproblems.choices import SUBPROBLEMS, SolverChoice, parse_choices
 from deli.version import __version__
 from solvers import Status
 
-LIBRARY = Path(__file__).with_name("library.nc")
+LIBRARY = FOLDER / "library" / "subproblems.nc"
 """Easy and hard problems from deli's scenes."""
 LIMIT = 1.0
 REPEAT = 5

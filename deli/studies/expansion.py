@@ -113,6 +113,23 @@ def load(path: Path, quick: bool = False) -> Study:
         raise InputError(f"{path}: {error}") from error
 
 
+def outline(path: Path) -> tuple[str, int]:
+    """Return the title of a study file and the number of its cases, of which none is made.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is not TOML, and for what a study file may not say.
+    """
+    _, found = read_toml(path)
+    found.pop(QUICK, None)
+    try:
+        table = check_table(found)
+        return table.title or path.stem, sum(1 for _ in _combinations(dimensions_of(table), table))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
 def _merged(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Return a table with changes: tables are merged, all other values are replaced."""
     merged = dict(table)

@@ -19,6 +19,9 @@ def page() -> str:
     parts = [
         "# The dataset",
         f"A run is an `xarray.DataTree`, in memory and in its netCDF file (conventions `{CONVENTIONS}`). {UNITS_NOTE}",
+        "Root attributes say how the run came about: `title`, `config` and `scene` (TOML), versions of deli, of its "
+        "libraries and of the backends that solved something, `machine`, `start`, `end`, `wall_time`, `outcome`, the "
+        "components of momentum that the scene conserves, and `citation`, the reference of deli and its method.",
     ]
     for group, variables in schema.groups.items():
         rows = [

@@ -154,6 +154,7 @@ CRAFTED = {
     "other conventions": (say("Conventions", "deli-1"), "conventions 'deli-1'"),
     "no title": (lambda data: data.delncattr("title"), "attribute title is None"),
     "a number for an outcome": (say("outcome", 3), "attribute outcome is 3"),
+    "a number for a citation": (say("citation", 3), "attribute citation is 3"),
     "other axes": (say("conserved_linear_momentum", "q"), "conserved_linear_momentum is 'q'"),
     "other components": (say("undecided_momenta", "q_x"), "undecided_momenta is 'q_x'"),
     "no positions": (rename("trajectory", "position"), "trajectory/position is missing"),

@@ -1,10 +1,12 @@
 """What a run contains, in memory and in its file."""
 
+import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
 
 import deli
+from deli.recording import seal
 from deli.recording.schema import Schema
 
 SCENES = {1: deli.scenes.pogo_stick, 2: deli.scenes.newtons_cradle, 3: deli.scenes.lennard_jones}
@@ -148,6 +150,7 @@ def test_provenance(recorded):
         "config",
         "backend_versions",
         "units_note",
+        "citation",
     ):
         assert attributes[key]
     assert attributes["start"] <= attributes["end"]
@@ -196,3 +199,12 @@ def test_schema_names_every_dimension():
             for variable in variables:
                 if not variable.grows:
                     assert constants[variable.name].shape == tuple(schema.sizes[name] for name in variable.dims)
+
+
+def test_a_file_of_a_version_that_named_no_citation_opens(tmp_path):
+    path = tmp_path / "run.nc"
+    deli.simulate(deli.scenes.point_mass(), deli.GVI(), step_size=0.01, steps=2, output=path)
+    with netCDF4.Dataset(path, "a") as file:
+        file.delncattr("citation")
+    seal.seal(path)
+    assert "citation" not in deli.open_run(path).attrs

@@ -1,1 +1,0 @@
-../../studies/library/subproblems.nc
