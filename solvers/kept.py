@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from filelock import BaseFileLock, FileLock
 from numba import njit
 from numba.core import config
 from numba.core.caching import (
@@ -109,24 +110,53 @@ class _Cache(FunctionCache):
     """Numba's cache, which moves to the temporary folder if a file cannot be read or written."""
 
     _impl_class = _Places
+    _lock: BaseFileLock | None = None
 
     @property
     def locator(self) -> Any:
         return self._impl.locator
 
     def load_overload(self, signature: Any, context: Any) -> Any:
+        """Return the code on disk, or None; then other processes wait for `save_overload`, and find it there."""
+        found = self._load(signature, context)
+        if found is None and self._acquire():
+            found = self._load(signature, context)
+            if found is not None:
+                self._release()
+        return found
+
+    def save_overload(self, signature: Any, code: Any) -> None:
+        """Put code on disk, for the processes that wait as well."""
+        try:
+            super().save_overload(signature, code)
+        except OSError as error:
+            if self._leave("written", error):
+                self.save_overload(signature, code)
+        finally:
+            self._release()
+
+    def _load(self, signature: Any, context: Any) -> Any:
         try:
             return super().load_overload(signature, context)
         except OSError as error:
             self._leave("read", error)
             return None
 
-    def save_overload(self, signature: Any, code: Any) -> None:
+    def _acquire(self) -> bool:
+        """Wait for another process that compiles the function; nobody can be waited for without a folder."""
         try:
-            super().save_overload(signature, code)
-        except OSError as error:
-            if self._leave("written", error):
-                self.save_overload(signature, code)
+            os.makedirs(self.cache_path, exist_ok=True)
+            lock = FileLock(os.path.join(self.cache_path, f"{self._impl.filename_base}.lock"))
+            lock.acquire()
+        except OSError:
+            return False
+        self._lock = lock
+        return True
+
+    def _release(self) -> None:
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
 
     def _leave(self, verb: str, error: OSError) -> bool:
         """Move to the temporary folder and return True; if that is impossible, keep no code and return False."""
