@@ -23,6 +23,13 @@ assert small.double(1.5) == 3.0
 folder = os.environ["DELI_TEMPORARY_CODE"]
 print(sum(small.double.stats.cache_hits.values()), folder if os.path.exists(folder) else None)
 """
+TOGETHER = """
+import small
+print(flush=True)
+input()
+assert small.double(1.5) == 3.0
+print(sum(small.double.stats.cache_misses.values()))
+"""
 PARENT = CALL + "sys.stdout.flush(); subprocess.run([sys.executable, '-c', {call!r}], check=True)"
 
 
@@ -119,3 +126,17 @@ def test_nothing_is_kept_by_numba_alone():
     """It ends in a traceback where there is no place."""
     sources = [path for folder in ("deli", "solvers", "studies") for path in (ROOT / folder).rglob("*.py")]
     assert [path for path in sources if re.search(r"cache\s*=\s*True|enable_caching", path.read_text())] == []
+
+
+def test_processes_that_miss_a_function_at_once_compile_it_once(package):
+    (package / "__pycache__").unlink()
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(package), str(ROOT)])}
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    processes = [subprocess.Popen([sys.executable, "-c", TOGETHER], env=environment, **pipes) for _ in range(4)]
+    for process in processes:
+        process.stdout.readline()
+    for process in processes:
+        process.stdin.write("\n")
+        process.stdin.flush()
+    assert sorted(process.communicate()[0] for process in processes) == ["0\n", "0\n", "0\n", "1\n"]
+    assert [process.returncode for process in processes] == [0, 0, 0, 0]
