@@ -18,8 +18,8 @@ class SolverChoice:
     Parameters
     ----------
     backend : str
-        A name from `solvers.available()`, or ``"auto"``: the explicit chain native, daqp, piqp, error. Large
-        programs that native has not answered in compiled code go to the chain of `solvers.choosing`.
+        A name from `solvers.available()`, or ``"auto"``: native, daqp and piqp one after another, then an error. A
+        large program that native has not answered in compiled code goes to the chain of `solvers.choosing`.
     tolerance : float
         Largest scaled KKT residual of a solved subproblem; it means the same for every backend.
     polish : bool

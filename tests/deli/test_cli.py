@@ -79,7 +79,7 @@ class TestRun:
 
     @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
     def test_an_interrupted_run_resumes(self, folder, number):
-        arguments = ["run", "newtons_cradle", "--set", "steps=30000", "--set", "record.every=10"]
+        arguments = ["run", "newtons_cradle", "--set", "steps=600000", "--set", "record.every=100"]
         process = deli_process(*arguments, cwd=folder)
         try:
             deadline = time.monotonic() + 60

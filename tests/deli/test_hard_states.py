@@ -143,7 +143,7 @@ def test_contacts_that_leave_no_direction_free_are_named():
     scene = deli.Scene(
         1.0, [[0.0, 0.0]], [[0.0, -1.0]], unilateral=[deli.Planes(normals=normals, bodies=[0, 0, 0])], dimension=2
     )
-    with pytest.raises(deli.StepError, match="no direction in which all of them separate"):
+    with pytest.raises(deli.StepError, match="no momentum at which all of them separate"):
         deli.reflect(scene, scene.position, scene.momentum)
 
 

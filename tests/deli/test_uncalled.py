@@ -20,7 +20,7 @@ def run(scene="point_mass", **keywords):
 def test_a_choice_that_changes_nothing_is_named(backend, caplog):
     name = backend if isinstance(backend, str) else backend["backend"]
     measured = deli.metrics.measure(run(solvers=backend))
-    assert measured.attrs["note"].startswith(f"{name} {ALL}; skip=False ")
+    assert measured.attrs["note"].startswith(f"{name} {ALL}; with skip=False ")
     assert measured["uncalled_solvers"] == 1.0
     assert [record.levelno for record in caplog.records if ALL in record.getMessage()] == [logging.WARNING]
 

@@ -62,9 +62,11 @@ def test_a_name_is_the_study_of_its_file(away, name):
 def test_a_file_wins_over_a_name_and_a_folder_does_not(away):
     Path("stability/gap").mkdir(parents=True)
     assert call("study", "stability/gap", "--dry-run").stderr == ""
-    Path("solver_tolerance").write_text('title = "Mine"\n[base]\nscene = "point_mass"\nsteps = 2\n')
+    Path("solver_tolerance").write_text(
+        'title = "Mine"\n[base]\nscene = "point_mass"\nsteps = 2\n[axes]\nstep_size = [0.1]\n'
+    )
     for quiet in (False, True):
-        result = call("study", "solver_tolerance", "--dry-run", *["-q"] * quiet)
+        result = call("study", "solver_tolerance", "-o", "mine", "--dry-run", *["-q"] * quiet)
         assert result.exit_code == DONE
         assert ("solver_tolerance is a file here" in result.stderr) is not quiet
         assert quiet or "Mine" in result.stdout

@@ -11,7 +11,7 @@ from deli.studies.expansion import make_study
 from deli.studies.running import run_study
 
 BALL = {"scene": "point_mass", "step_size": 0.01, "steps": 20}
-CRADLE = {"scene": "newtons_cradle", "step_size": 0.01, "steps": 30_000, "record": {"every": 100}}
+CRADLE = {"scene": "newtons_cradle", "step_size": 0.01, "steps": 300_000, "record": {"every": 1000}}
 SEEDS = {
     "base": CRADLE,
     "axes": {"scene.perturbation": [{"seed": seed, "momentum": 1e-3} for seed in range(2)]},

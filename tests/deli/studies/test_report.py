@@ -137,7 +137,7 @@ def test_a_study_chooses_its_plots(folder):
 def test_a_folder_without_a_study_is_refused(tmp_path):
     result = call("report", tmp_path)
     assert result.exit_code == 2
-    assert "deli report takes a study's folder" in result.output
+    assert "holds no study: there is no manifest.json" in result.output
 
 
 def test_plots_pick_one_of_two_truth_values(tmp_path):

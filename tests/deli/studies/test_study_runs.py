@@ -61,7 +61,7 @@ def test_a_finished_study_reruns_nothing_and_a_changed_one_what_has_changed(fold
 
     longer = {**MASSES, "base": {**BALL, "steps": 30}}
     assert whys(folder, longer) == ["config changed: steps was 20 and is 30"] * 3
-    monkeypatch.setattr(planning, "version", lambda name: "9.9")
+    monkeypatch.setattr(planning, "__version__", "9.9")
     assert whys(folder, MASSES) == [f"deli was {deli.__version__} and is 9.9"] * 3
 
 
