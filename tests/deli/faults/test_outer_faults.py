@@ -90,7 +90,10 @@ class TestDiskFull:
         assert sorted(os.listdir()) == ["filling", "run.nc"]
         Path("run.png").write_bytes(b"")
         require_said(
-            nest.call("plot", "run.nc", "-o", "run.png"), RUN_FAILED, "run.png could not be written", "No space"
+            nest.call("plot", "run.nc", "-o", "run.png", "--overwrite"),
+            RUN_FAILED,
+            "run.png could not be written",
+            "No space",
         )
         assert sorted(os.listdir()) == ["filling", "run.nc", "run.png"]
         assert Path("run.png").stat().st_size == 0

@@ -24,7 +24,7 @@ def wait_until(what):
 def test_a_killed_study_is_continued_to_the_bit(folder):
     """Its workers notice, write their rows and end."""
     path = folder / "study.toml"
-    path.write_text(tomli_w.dumps({"base": {**CRADLE, "steps": 150_000}, "cases": [{}]}))
+    path.write_text(tomli_w.dumps({"base": {**CRADLE, "steps": 1_200_000}, "cases": [{}]}))
     (case,) = load(path).cases
     partial = folder / "study" / "cases" / f"{case.digest}.nc.partial"
     process = deli_process("study", "study.toml", cwd=folder)
