@@ -34,7 +34,7 @@ def sticks(count):
 
 
 def discs(count=3):
-    """Of which momenta are conserved."""
+    """An ensemble whose scenes conserve momenta."""
     rng = np.random.default_rng(3)
     free = deli.Scene(
         [1.0, 2.0], [0.0, 0.0, 1.5, 0.2], np.zeros(4), None, deli.SpheresApart([[0, 1]], 1.0), dimension=2
@@ -70,7 +70,7 @@ def few():
 
 @pytest.fixture(scope="module")
 def cut():
-    """Of which the second member fails on the way, and the third in its first step."""
+    """An ensemble whose second member fails on the way, and whose third fails in its first step."""
     scenes = [ball(np.inf), ball(3.05), ball(0.05), ball(np.inf)]
     return deli.simulate_ensemble(scenes, deli.GVI(), **SETTINGS)
 

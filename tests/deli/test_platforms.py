@@ -1,4 +1,4 @@
-"""What runs where there is no POSIX: everything in memory."""
+"""Systems without POSIX: everything runs in memory."""
 
 import ast
 import subprocess

@@ -47,7 +47,7 @@ def parts(node: ast.AST | None) -> list[ast.AST]:
 
 
 def returns_code(function: ast.FunctionDef, coded: set[str]) -> bool:
-    """Whether a function returns a code, given those that are known to."""
+    """Return whether a function returns a code, given the functions that are known to."""
     bound: set[str] = set()
     for _ in range(2):
         for node in ast.walk(function):
@@ -71,7 +71,7 @@ def called(node: ast.Call) -> str:
 
 
 def leaves_code(function: ast.FunctionDef) -> bool:
-    """Whether a function leaves its code in ``meeting[2]``."""
+    """Return whether a function leaves its code in ``meeting[2]``."""
     assigned = (node for node in ast.walk(function) if isinstance(node, ast.Assign))
     return any(label(node.targets[0]) == WAITING and label(node.value) != "DONE" for node in assigned)
 

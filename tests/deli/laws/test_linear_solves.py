@@ -1,4 +1,4 @@
-"""What equations alone determine: linear solves that no solver is asked for, counted as such, right for any rods."""
+"""Programs of equations alone: linear solves without a solver, counted as such, right for any rods."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any

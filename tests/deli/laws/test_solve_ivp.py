@@ -154,7 +154,7 @@ def test_several_impacts_are_met_at_one_time(step_size):
 @pytest.mark.parametrize("offset", [-1e-13, -1e-15, 0.0, 1e-15, 1e-13])
 @pytest.mark.parametrize("step_size", [0.1, 0.5, 1.0, 0.3])
 def test_a_particle_grazes_a_disc(offset, step_size):
-    """What rounding alone lets touch goes by; a touch beyond that turns it by the angle at which it meets the disc."""
+    """A touch within rounding changes nothing; a deeper one turns the ball by the angle at which it meets the disc."""
     disc = deli.Constraints(
         value=lambda q: np.array([np.hypot(*q) - 1.0]), jacobian=lambda q: (q / np.hypot(*q))[np.newaxis]
     )

@@ -90,7 +90,7 @@ def test_a_run_that_xarray_saves_again_is_the_same_run(place, tmp_path, way, rea
     steps=st.slices(STEPS).filter(lambda steps: steps.indices(STEPS)[2] > 0),
 )
 def test_rows_that_are_left_out(tmp_path_factory, place, rows, steps):
-    """What is there is what was recorded, and no sum is taken of a part."""
+    """The rows that are left are the recorded ones, and no metric sums up a part of the steps."""
     run, path = deli.open_run(place / "run.nc"), tmp_path_factory.mktemp("thin") / "thin.nc"
     thin = run.isel(time=rows, missing_dims="ignore").isel(step=steps, missing_dims="ignore")
     thin.to_netcdf(path)

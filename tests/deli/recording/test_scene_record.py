@@ -136,7 +136,7 @@ def test_the_same_scene_has_the_same_digest_whoever_computes_it():
 
 
 class TestFunctions:
-    """Of functions in Python, values and derivatives at some states are known."""
+    """Functions in Python are compared by their values and derivatives at some states."""
 
     @staticmethod
     def scene(stiffness=1.0, radius=2.0, hessian=1.0):

@@ -28,7 +28,7 @@ def decisions(tmp_path):
 
 
 def left(capsys):
-    """What the last line says of the time that is left."""
+    """The estimate of the remaining time in the last line."""
     return capsys.readouterr().out.splitlines()[-1].partition("; ")[2]
 
 
